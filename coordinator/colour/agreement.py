@@ -6,8 +6,8 @@ is not used until it agrees again.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, Self
 
 import numpy as np
@@ -30,7 +30,7 @@ class ColourState:
 
     against_s: seconds of disagreement less those of agreement, from 0 to `persistent_s`. since_s: time of the
     frame in which the use last ended or began. agreed_s: time of the last frame in which colour showed a
-    person where depth does.
+    person where depth has a body or a candidate.
     """
 
     against_s: float = 0.0
@@ -88,6 +88,13 @@ def compare(
         before = states.get(camera, ColourState())
         after[camera] = before.after(verdicts, interval_s, frame.time_s, settings)
     return after
+
+
+def with_agreement(states: ColourStates, cameras: Collection[str], time_s: float) -> ColourStates:
+    """The states after a frame in which the colour of these cameras showed people where depth has objects."""
+    return states | {
+        name: replace(states.get(name, ColourState()), agreed_s=time_s) for name in sorted(cameras)
+    }
 
 
 def judge(

@@ -216,13 +216,20 @@ class Segmenter:
         return self._scenes[camera]
 
     def segment(
-        self, frame: Frame, bodies: Sequence[ExpectedSurface], *, rejected: bool = False, find: bool = True
+        self,
+        frame: Frame,
+        bodies: Sequence[ExpectedSurface],
+        *,
+        rejected: bool = False,
+        find: bool | None = None,
     ) -> SegmentedFrame:
-        """Segment the next frame: around bodies, and into other people if a body may be anywhere.
+        """Segment the next frame: around bodies, and, with `find`, into other people.
 
-        Other people are not added to the background, unless they have been `rejected` for a while and do not
-        move. Without `find`, they are not searched for, and nothing is learned while a body may be anywhere.
+        By default, other people are searched for if a body may be anywhere; if they are not, nothing is
+        learned as long as it may be. Other people are not added to the background, unless they have been
+        `rejected` for a while and do not move.
         """
+        find = any(body.vertices is None for body in bodies) if find is None else find
         expected = [self._expected_view(view, bodies) for view in frame.views]
         duplicates = self._find_duplicates(expected, bodies)
         views = tuple(
@@ -337,10 +344,8 @@ class Segmenter:
         foreign = mark_foreign(view, nearest, nearest_new)
         foreign_points = points_beside(view, foreign, [body.vertices for body in posed_bodies])
         own, learns_nothing = segment_bodies(expected, surfaces, nearest, foreign)
-        possible = list[Candidate]()
-        if len(posed_bodies) < len(bodies):
-            possible = find_candidates(view, near_bodies) if find else []
-            learns_nothing |= not find and any(body.vertices is None for body in bodies)
+        possible = find_candidates(view, near_bodies) if find else []
+        learns_nothing |= not find and any(body.vertices is None for body in bodies)
         people = self._choose_people(expected, possible, near_bodies)
         moving = [person.widest for person in possible if not rejected or has_moved(view, person)]
         not_learned = reduce(np.logical_or, moving, near_bodies)

@@ -226,6 +226,11 @@ class TargetTracker:
         return self.track.may_be_anywhere if isinstance(self.track, Body) else not self.is_searching
 
     @property
+    def is_confirmed_or_unknown(self) -> bool:
+        """Whether colour has confirmed the body, or there is none."""
+        return not isinstance(self.track, Body) or self.next_segmentation.is_confirmed
+
+    @property
     def is_searching(self) -> bool:
         """Whether a search for the body is under way."""
         return self.search is not None and self.search.is_running

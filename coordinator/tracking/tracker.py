@@ -9,7 +9,7 @@ from typing import NamedTuple
 from gepf.common.arrays import Array
 from gepf.common.frame import Frame
 from gepf.coordinator.bodies.family import Bodies
-from gepf.coordinator.colour.agreement import compare, unused_before
+from gepf.coordinator.colour.agreement import compare, unused_before, with_agreement
 from gepf.coordinator.colour.finder import KeypointFinder
 from gepf.coordinator.scene.scene import SceneChanges
 from gepf.coordinator.scene.scope import Scope
@@ -179,20 +179,32 @@ class Tracker:
             last_s, self._prepared_s = self._prepared_s, frame.time_s
             interval_s = 0.0 if last_s is None else frame.time_s - last_s
             keypoint_search, steps = self._begin_keypoint_search(frame, interval_s, last_s)
+            looks_around = keypoint_search is not None and self._is_look_due(frame.time_s, last_s)
             segmented = self._segmenter.segment(
                 frame,
                 [target.expected_surface(step) for target, step in zip(targets, steps, strict=True)],
                 rejected=any(target.has_searched_in_vain for target in targets),
-                find=any(target.needs_candidates for target in targets),
+                find=looks_around or any(target.needs_candidates for target in targets),
             )
         detections = KeypointDetections.of_nobody(len(targets)) if frame.has_colours else None
         if keypoint_search is not None:
             with clocks[0].stage("keypoints"):
-                finds = searches_for_anybody(targets, frame.time_s)
+                finds = looks_around or searches_for_anybody(targets, frame.time_s)
                 detections = keypoint_search.detections(segmented, steps, interval_s, finds_candidates=finds)
                 segmented = with_own_keypoints(segmented, detections.people.keypoints)
         after_gap = interval_s > limits.max_lookahead_s + ROUNDING_S
         return PreparedFrame(segmented, self._prepared_cameras, interval_s, after_gap, clocks, detections)
+
+    def _is_look_due(self, time_s: float, last_s: float | None) -> bool:
+        """Whether to look at candidates in colour because some body may not be a person.
+
+        Colour that shows somebody else shows people now, so it counts that it does not show this body.
+        """
+        if last_s is None or all(target.is_confirmed_or_unknown for target in self._targets):
+            return False
+        interval_s = self._settings.track.search_interval_s
+        before, now = ((at_s + ROUNDING_S) // interval_s for at_s in (last_s, time_s))
+        return now > before
 
     def _begin_keypoint_search(
         self, frame: Frame, interval_s: float, last_s: float | None
@@ -264,6 +276,8 @@ class Tracker:
             bodies = [target.explained_body for target in self._targets]
             keypoints, subjects = prepared.detections.people.keypoints, prepared.segmented.subjects
             colours = compare(colours, image, bodies, subjects, keypoints, prepared.interval_s, settings)
+            seen_elsewhere = set[str]().union(*prepared.detections.candidates.values())
+            colours = with_agreement(colours, seen_elsewhere, image.time_s)
         self._frame = FrameState(frame.scene_changes, prepared.cameras, colours, image.time_s)
         return UpdatedFrame(people, self._frame)
 

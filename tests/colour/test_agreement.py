@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gepf.coordinator.colour.agreement import ColourState, Verdict, judge, trusted
+from gepf.coordinator.colour.agreement import ColourState, Verdict, judge, trusted, with_agreement
 from gepf.coordinator.colour.matching import EXCHANGED, ExpectedBody
 from gepf.coordinator.settings import ColourSettings
 from gepf.coordinator.tracking.observation import isolate
@@ -60,3 +60,13 @@ def test_colour_is_trusted_if_it_shows_a_person_whose_pose_is_wrong() -> None:
     assert after.against_s == unsure.against_s
     assert trusted({"": after}, 10.0, SETTINGS) == {""}
     assert not trusted({"": unsure.after(["elsewhere"], 0.5, 10.0, SETTINGS)}, 10.0, SETTINGS)
+
+
+def test_colour_that_shows_a_candidate_is_trusted() -> None:
+    """A person without a body shows that colour shows people; whether it is used does not change."""
+    states = {"left": ColourState(against_s=4.0, used=False), "right": ColourState(against_s=1.0)}
+    after = with_agreement(states, {"right", "new"}, 10.0)
+    assert trusted(after, 12.0, SETTINGS) == {"right", "new"}
+    assert after["left"] == states["left"]
+    assert after["right"].against_s == 1.0
+    assert trusted(with_agreement(states, {"left"}, 10.0), 10.0, SETTINGS) == set()

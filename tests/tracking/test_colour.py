@@ -38,6 +38,7 @@ from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import LiveCamera
 from gepf.coordinator.tracking.colour import draw_candidates, possible_people
 from gepf.coordinator.tracking.observation import isolate
+from gepf.coordinator.tracking.reporting import TrackedFrame
 from gepf.coordinator.tracking.segmenter import UntrackedPerson
 from gepf.coordinator.tracking.track_state import Tracked
 from gepf.coordinator.tracking.tracker import Tracker
@@ -209,6 +210,34 @@ def test_a_body_that_only_depth_shows_ends_where_colour_shows_people() -> None:
     assert known_bodies(with_a_dummy(), None)[-4:] == [2] * 4
     assert known_bodies(dark, KeypointFinder())[-4:] == [2] * 4
     assert known_bodies(with_a_dummy(), KeypointFinder())[-4:] == [1] * 4
+
+
+def test_dummies_do_not_keep_the_numbers_of_a_person_who_enters() -> None:
+    """Depth shows two dummies first, and takes them for people. They end once colour shows somebody else."""
+    (still, *_), (with_person, *_), model = with_a_dummy(), coloured(), human(1.82)
+    (view,), is_person = still.views, with_person.views[0].depth > 0
+    (other,) = rendered(model, name_pose(model, {**STANDING, "root_tx": -0.9})[None])
+    depth = np.where(view.depth > 0, view.depth, (1000.0 * other).astype(np.uint16))
+    depth[depth == 0] = 4000  # a wall
+    assert view.colours is not None
+    empty = np.where(is_person[..., None], view.colours[~is_person].mean(axis=0), view.colours).astype(
+        np.uint8
+    )
+    dummies = changed(still, depth=np.where(is_person, np.uint16(4000), depth), colours=empty)
+    shown = [dummies] * 6 + [changed(still, depth=depth)] * 14
+    frames = [changed(frame, number=n, time_s=0.25 * n) for n, frame in enumerate(shown)]
+    two = Tracker(DirectRefiner(), SETTINGS, known(), people=2, colour=KeypointFinder())
+
+    def root_places(tracked: TrackedFrame) -> list[Array]:
+        known_people = [p for p in tracked.people if p.estimate.status in {"tracked", "ambiguous"}]
+        names = list(known_people[0].state.body.dof_names) if known_people else []
+        root = [names.index(name) for name in ROOT_DOFS[:3]] if names else []
+        return [person.estimate.pose[root] for person in known_people]
+
+    places = [root_places(tracked) for tracked in two.follow(frames)]
+    assert len(places[5]) == 2
+    (last,) = places[-1]
+    np.testing.assert_allclose(last, [STANDING[name] for name in ROOT_DOFS[:3]], atol=0.15)
 
 
 def test_colour_that_shows_nobody_denies_nobody() -> None:
