@@ -237,8 +237,8 @@ class Tracker(FrameLoop):
     def model(self) -> BodyModel:
         """The tracked body, with the names of its degrees of freedom; valid after the first frame.
 
-        In the first seconds a person's body is replaced a few times, by one of another size with the same
-        names.
+        A person's shape is estimated in each frame, so it is a different model after each frame, with the
+        same names.
         """
         return self._tracker.state.people[0].body
 
