@@ -143,7 +143,9 @@ class TrackSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     patience_s: Quantity = 0.1  #: time after which a body that explains no frame is lost
     search_interval_s: Quantity = 4 / 30
     """Interval between searches for an unknown body, and until a first check."""
-    check_interval_s: Quantity = 1 / 3  #: time between checks while the pose is doubtful
+    check_interval_s: Quantity = 1 / 3
+    """Time between checks while the pose is doubtful, and between looks at candidates while colour has not
+    confirmed a body."""
     max_searches: Count = 8  #: failed searches after which candidates are added to the background
     max_lookahead_s: Quantity = 0.06
     """Longest interval for looking ahead; in twice that time a walking person moves by `near_m`."""

@@ -237,8 +237,7 @@ class Tracker(FrameLoop):
     def model(self) -> BodyModel:
         """The tracked body, with the names of its degrees of freedom; valid after the first frame.
 
-        A person's shape is estimated in each frame, so it is a different model after each frame, with the
-        same names.
+        If a person's size is estimated, each frame gives another model with the same names.
         """
         return self._tracker.state.people[0].body
 

@@ -14,6 +14,7 @@ from gepf.common.arrays import Array
 from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.common.kinematics import pose_vertices
+from gepf.common.nearest_pixels import nearest_occupied_pixels
 from gepf.common.packages import MissingPackage
 from gepf.coordinator.colour.crop import Crop, crop_of_body, crop_of_points
 from gepf.coordinator.colour.keypoints import HIPS, SHOULDERS, find_keypoints
@@ -54,7 +55,8 @@ class KeypointFinder:
         return PoseNetwork()
 
     def prepare(self) -> None:
-        """Load the network, which the first frame with colour would otherwise wait for."""
+        """Load the network and compiled code, which the first frame with colour would otherwise wait for."""
+        nearest_occupied_pixels(np.zeros((1, 1), dtype=np.bool_))
         self._thread.submit(lambda: self._network).result()
 
     def submit(

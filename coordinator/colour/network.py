@@ -71,8 +71,8 @@ def quiet_stderr() -> Iterator[None]:
 class PoseNetwork:
     """The network in memory. Several threads may use it.
 
-    It runs on this number of `threads`, which does not change its outputs: one frame waits for it while
-    nothing else can be computed.
+    It runs on two `threads`: a live frame waits for it while the workers have nothing to do. Their number
+    does not change the outputs.
 
     Raises MissingPackage if the extra `color` is not installed.
     """

@@ -146,7 +146,7 @@ class Assignment:
         """A candidate that has more pixels than the present subject and is probably the same person, or None.
 
         It must be near, unless the subject has too few pixels to show a body. Candidates are found here,
-        because a frame comes with candidates only if a body may be anywhere.
+        because few frames come with candidates while all bodies are known.
         """
         target, pixels = self._targets[person_index], self._segmented.pixels(person_index)
         surfaces = [

@@ -83,7 +83,7 @@ class KeypointSearch:
         *,
         finds_candidates: bool,
     ) -> KeypointDetections:
-        """What the segmented frame shows: people, and candidates if somebody is searched for."""
+        """What the segmented frame shows: people, and, with `finds_candidates`, some candidates."""
         people = self.people.result()
         candidates = self.candidates(segmented, interval_s) if finds_candidates else {}
         return KeypointDetections(people, candidates, steps)
@@ -154,9 +154,15 @@ class ColouredFrame:
         ]
         # `with_sides_of` returns the same object unless it swaps
         self._is_swapped = [sided is not own for sided, own in zip(subjects, before, strict=True)]
-        keypoints = {} if self._distrusted else detections.candidates
         people = [
-            candidate.with_keypoints(keypoints.get(n, {})) for n, candidate in enumerate(segmented.candidates)
+            candidate.with_keypoints(
+                {
+                    camera: keypoints
+                    for camera, keypoints in detections.candidates.get(n, {}).items()
+                    if camera not in self._distrusted
+                }
+            )
+            for n, candidate in enumerate(segmented.candidates)
         ]
         self.segmented = replace(segmented, subjects=tuple(subjects), candidates=tuple(people))
         self.free = possible_people(people, self._trusted_cameras)

@@ -126,7 +126,7 @@ class SegmentedFrame:
     subjects: one per body; None if nothing of the body is visible, or if it may be anywhere.
     set_aside: for each body, its crops from the cameras that are not used for it.
     duplicates: whether each body is a duplicate, because others explain everything visible of it.
-    candidates: people who are not tracked, the most likely first; empty unless a body may be anywhere.
+    candidates: people who are not tracked, the most likely first; empty unless they were looked for.
     """
 
     frame: Frame
@@ -216,20 +216,13 @@ class Segmenter:
         return self._scenes[camera]
 
     def segment(
-        self,
-        frame: Frame,
-        bodies: Sequence[ExpectedSurface],
-        *,
-        rejected: bool = False,
-        find: bool | None = None,
+        self, frame: Frame, bodies: Sequence[ExpectedSurface], *, rejected: bool = False, find: bool = True
     ) -> SegmentedFrame:
         """Segment the next frame: around bodies, and, with `find`, into other people.
 
-        By default, other people are searched for if a body may be anywhere; if they are not, nothing is
-        learned as long as it may be. Other people are not added to the background, unless they have been
-        `rejected` for a while and do not move.
+        Other people are not added to the background, unless they have been `rejected` for a while and do not
+        move. Without `find`, nothing is learned while a body may be anywhere.
         """
-        find = any(body.vertices is None for body in bodies) if find is None else find
         expected = [self._expected_view(view, bodies) for view in frame.views]
         duplicates = self._find_duplicates(expected, bodies)
         views = tuple(

@@ -178,7 +178,8 @@ def first_state(bodies: Bodies, values: Mapping[str, float] | None, settings: Se
     if values is not None:
         start = start_at(values, bodies)
         belief = initial_belief(start.model, start.pose, settings)
-        track = Found(belief=belief, next_segmentation=NextSegmentation(start.pose))
+        upcoming = NextSegmentation(start.pose, is_confirmed=True)
+        track = Found(belief=belief, next_segmentation=upcoming, unshown_s=None)
         return PersonState(start, Checkpoint(track, generator))
     model, pose = bodies.tracked(bodies.usual_size, {})
     start = Start(model, np.full_like(pose, np.nan), (), found=False)

@@ -226,9 +226,9 @@ class TargetTracker:
         return self.track.may_be_anywhere if isinstance(self.track, Body) else not self.is_searching
 
     @property
-    def is_confirmed_or_unknown(self) -> bool:
-        """Whether colour has confirmed the body, or there is none."""
-        return not isinstance(self.track, Body) or self.next_segmentation.is_confirmed
+    def is_unconfirmed(self) -> bool:
+        """Whether there is a body that colour has not confirmed."""
+        return isinstance(self.track, Body) and not self.next_segmentation.is_confirmed
 
     @property
     def is_searching(self) -> bool:

@@ -70,7 +70,7 @@ class NextSegmentation(msgspec.Struct, frozen=True):
     pose: Array | None = None  # (D,), around which the frame is segmented; None: the body may be anywhere
     excluded: tuple[str, ...] = ()  # cameras that are not used for the body
     is_new: bool = True  # whether the body was detected, or a camera came back, a short time ago
-    is_confirmed: bool = False  # whether colour has confirmed the body
+    is_confirmed: bool = False  # whether colour has confirmed the body, or its start was given
     followed_s: float = 0.0  # time for which its pose has explained the frames since it was last lost
 
 
@@ -83,7 +83,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True):
     agreement: Agreement = msgspec.field(default_factory=Agreement)  # of the cameras, on the last pose
     awaits_search: bool = False  # whether a search for it has begun whose result has not been taken yet
     unshown_s: float | None = 0.0
-    """Time without confirmation by colour since the detection; None once confirmed."""
+    """Time without confirmation by colour since the detection; None once confirmed, or for a given start."""
     clothes: Clothes | None = None  # None until colour has shown them
 
     @property

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
+
 from gepf.common.arrays import Array
 from gepf.common.frame import Frame
 from gepf.coordinator.bodies.family import Bodies
@@ -33,6 +35,8 @@ from gepf.coordinator.tracking.state import FrameState, TrackerState, first_stat
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import ROUNDING_S, Body
 from gepf.coordinator.tracking.warm_up import warm_up
+
+LOOKS_AROUND = 1  # distinguishes these random numbers from others of the same frame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,12 +183,13 @@ class Tracker:
             last_s, self._prepared_s = self._prepared_s, frame.time_s
             interval_s = 0.0 if last_s is None else frame.time_s - last_s
             keypoint_search, steps = self._begin_keypoint_search(frame, interval_s, last_s)
-            looks_around = keypoint_search is not None and self._is_look_due(frame.time_s, last_s)
+            is_searched = any(target.needs_candidates for target in targets)
+            looks_around = keypoint_search is not None and self._is_look_due(frame, last_s)
             segmented = self._segmenter.segment(
                 frame,
                 [target.expected_surface(step) for target, step in zip(targets, steps, strict=True)],
-                rejected=any(target.has_searched_in_vain for target in targets),
-                find=looks_around or any(target.needs_candidates for target in targets),
+                rejected=not is_searched or any(target.has_searched_in_vain for target in targets),
+                find=is_searched or looks_around,
             )
         detections = KeypointDetections.of_nobody(len(targets)) if frame.has_colours else None
         if keypoint_search is not None:
@@ -195,16 +200,18 @@ class Tracker:
         after_gap = interval_s > limits.max_lookahead_s + ROUNDING_S
         return PreparedFrame(segmented, self._prepared_cameras, interval_s, after_gap, clocks, detections)
 
-    def _is_look_due(self, time_s: float, last_s: float | None) -> bool:
-        """Whether to look at candidates in colour because some body may not be a person.
+    def _is_look_due(self, frame: Frame, last_s: float | None) -> bool:
+        """Whether to look at candidates in colour because a body may not be a person.
 
-        Colour that shows somebody else shows people now, so it counts that it does not show this body.
+        A person among them shows that colour works here: a body that it does not show is then probably not a
+        person. Frames are drawn at random, `check_interval_s` apart on average, whatever their rate; while
+        frames are late, colour looks at few of them, and all of these are taken.
         """
-        if last_s is None or all(target.is_confirmed_or_unknown for target in self._targets):
+        unconfirmed = any(target.is_unconfirmed for target in self._targets)
+        if not unconfirmed or last_s is None or unused_before(self._frame.colours, last_s):
             return False
-        interval_s = self._settings.track.search_interval_s
-        before, now = ((at_s + ROUNDING_S) // interval_s for at_s in (last_s, time_s))
-        return now > before
+        share = 1.0 if self._is_late else (frame.time_s - last_s) / self._settings.track.check_interval_s
+        return bool(np.random.default_rng([frame.number, LOOKS_AROUND]).random() < share)
 
     def _begin_keypoint_search(
         self, frame: Frame, interval_s: float, last_s: float | None
@@ -276,8 +283,8 @@ class Tracker:
             bodies = [target.explained_body for target in self._targets]
             keypoints, subjects = prepared.detections.people.keypoints, prepared.segmented.subjects
             colours = compare(colours, image, bodies, subjects, keypoints, prepared.interval_s, settings)
-            seen_elsewhere = set[str]().union(*prepared.detections.candidates.values())
-            colours = with_agreement(colours, seen_elsewhere, image.time_s)
+            showing_candidates = set[str]().union(*prepared.detections.candidates.values())
+            colours = with_agreement(colours, showing_candidates, image.time_s)
         self._frame = FrameState(frame.scene_changes, prepared.cameras, colours, image.time_s)
         return UpdatedFrame(people, self._frame)
 

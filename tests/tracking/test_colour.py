@@ -19,8 +19,8 @@ from gepf.common.protocol.frames import decode_frame, encode_frame
 from gepf.common.refinement import Particles
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
-from gepf.coordinator.colour.agreement import ColourState, describe_changes, trusted
-from gepf.coordinator.colour.finder import KeypointFinder, crop_of
+from gepf.coordinator.colour.agreement import ColourState, describe_changes, trusted, with_agreement
+from gepf.coordinator.colour.finder import KeypointFinder, PeopleInColour, crop_of
 from gepf.coordinator.colour.matching import (
     EXCHANGED,
     ExpectedBody,
@@ -36,10 +36,15 @@ from gepf.coordinator.results.log import Entry, Opening, append_records, assembl
 from gepf.coordinator.settings import ColourSettings
 from gepf.coordinator.sources.live import LiveFrames
 from gepf.coordinator.sources.live_stream import LiveCamera
-from gepf.coordinator.tracking.colour import draw_candidates, possible_people
+from gepf.coordinator.tracking.colour import (
+    ColouredFrame,
+    KeypointDetections,
+    draw_candidates,
+    possible_people,
+)
 from gepf.coordinator.tracking.observation import isolate
 from gepf.coordinator.tracking.reporting import TrackedFrame
-from gepf.coordinator.tracking.segmenter import UntrackedPerson
+from gepf.coordinator.tracking.segmenter import SegmentedFrame, UntrackedPerson
 from gepf.coordinator.tracking.track_state import Tracked
 from gepf.coordinator.tracking.tracker import Tracker
 from gepf.refiners import DirectRefiner
@@ -212,32 +217,77 @@ def test_a_body_that_only_depth_shows_ends_where_colour_shows_people() -> None:
     assert known_bodies(with_a_dummy(), KeypointFinder())[-4:] == [1] * 4
 
 
-def test_dummies_do_not_keep_the_numbers_of_a_person_who_enters() -> None:
-    """Depth shows two dummies first, and takes them for people. They end once colour shows somebody else."""
+def dummies_and_a_person(count: int, step_s: float) -> list[Frame]:
+    """Two dummies before a wall, which only depth shows, and from frame 6 on the standing person."""
     (still, *_), (with_person, *_), model = with_a_dummy(), coloured(), human(1.82)
     (view,), is_person = still.views, with_person.views[0].depth > 0
     (other,) = rendered(model, name_pose(model, {**STANDING, "root_tx": -0.9})[None])
     depth = np.where(view.depth > 0, view.depth, (1000.0 * other).astype(np.uint16))
-    depth[depth == 0] = 4000  # a wall
+    depth[depth == 0] = 4000
     assert view.colours is not None
-    empty = np.where(is_person[..., None], view.colours[~is_person].mean(axis=0), view.colours).astype(
-        np.uint8
+    empty = np.where(is_person[..., None], view.colours[~is_person].mean(axis=0), view.colours)
+    dummies = changed(
+        still, depth=np.where(is_person, np.uint16(4000), depth), colours=empty.astype(np.uint8)
     )
-    dummies = changed(still, depth=np.where(is_person, np.uint16(4000), depth), colours=empty)
-    shown = [dummies] * 6 + [changed(still, depth=depth)] * 14
-    frames = [changed(frame, number=n, time_s=0.25 * n) for n, frame in enumerate(shown)]
+    seen = [dummies] * 6 + [changed(still, depth=depth)] * (count - 6)
+    return [changed(frame, number=n, time_s=step_s * n) for n, frame in enumerate(seen)]
+
+
+def root_places(tracked: TrackedFrame) -> list[Array]:
+    """Where the known bodies of a frame are (3,)."""
+    names = list(tracked.people[0].state.body.dof_names)
+    root = [names.index(name) for name in ROOT_DOFS[:3]]
+    statuses = {"tracked", "ambiguous"}
+    return [each.estimate.pose[root] for each in tracked.people if each.estimate.status in statuses]
+
+
+def test_dummies_do_not_keep_the_numbers_of_a_person_who_enters() -> None:
+    """Depth takes two dummies for people. They end once colour shows somebody else, who gets a number."""
     two = Tracker(DirectRefiner(), SETTINGS, known(), people=2, colour=KeypointFinder())
-
-    def root_places(tracked: TrackedFrame) -> list[Array]:
-        known_people = [p for p in tracked.people if p.estimate.status in {"tracked", "ambiguous"}]
-        names = list(known_people[0].state.body.dof_names) if known_people else []
-        root = [names.index(name) for name in ROOT_DOFS[:3]] if names else []
-        return [person.estimate.pose[root] for person in known_people]
-
-    places = [root_places(tracked) for tracked in two.follow(frames)]
+    places = [root_places(tracked) for tracked in two.follow(dummies_and_a_person(20, 0.25))]
     assert len(places[5]) == 2
     (last,) = places[-1]
     np.testing.assert_allclose(last, [STANDING[name] for name in ROOT_DOFS[:3]], atol=0.15)
+
+
+def test_looks_at_candidates_do_not_depend_on_looking_ahead() -> None:
+    """Frame by frame, or with the next one segmented ahead: the same bytes, with unconfirmed bodies."""
+    frames = dummies_and_a_person(24, 1.0 / 30.0)
+    one, other = (
+        Tracker(DirectRefiner(), SETTINGS, known(), people=2, colour=KeypointFinder()) for _ in range(2)
+    )
+    ahead, alone = list(one.follow(frames)), [other.track(frame) for frame in frames]
+    assert any(tracked.state.colours[""].agreed_s is not None for tracked in alone if tracked.state.colours)
+    for first, second in zip(ahead, alone, strict=True):
+        assert first.state.colours == second.state.colours
+        for person, same in zip(first.people, second.people, strict=True):
+            assert person.estimate.pose.tobytes() == same.estimate.pose.tobytes()
+
+
+def test_a_given_start_is_not_doubted_by_colour() -> None:
+    """Whoever gives a start says that a person is there, whatever colour shows elsewhere."""
+    at_dummy = {**STANDING, "root_tx": 1.1}
+    frames = [changed(frame, number=n) for n, frame in enumerate(dummies_and_a_person(20, 0.25)[6:])]
+    one = Tracker(DirectRefiner(), SETTINGS, known(), start=at_dummy, colour=KeypointFinder())
+    for tracked in one.follow(frames):
+        (place,) = root_places(tracked)
+        np.testing.assert_allclose(place[0], at_dummy["root_tx"], atol=0.1)
+    assert tracked.state.colours[""].agreed_s is None  # nobody has to be found
+
+
+def test_a_candidate_of_a_rig_keeps_the_keypoints_of_the_cameras_that_are_used() -> None:
+    """Colour of one camera is not used; that of the other one shows a candidate, who may be searched."""
+    (image,) = coloured()[0].views
+    subject = isolate(coloured()[0], 400)
+    assert subject is not None
+    segmented = SegmentedFrame(coloured()[0], (None,), (None,), (False,), (UntrackedPerson(subject),), ())
+    seen = {image.camera: np.ones((len(KEYPOINTS), 3), np.float32)}
+    detections = KeypointDetections(
+        PeopleInColour([{}], [()]), {0: {**seen, "other": seen[image.camera]}}, [None]
+    )
+    states = with_agreement({"other": ColourState(used=False)}, {image.camera}, 0.0)
+    (free,) = ColouredFrame(segmented, detections, states, [None], COLOUR).free
+    assert free.is_confirmed
 
 
 def test_colour_that_shows_nobody_denies_nobody() -> None:
