@@ -33,6 +33,8 @@ class RefineSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     likelihood_scale: float = 0.01  #: metres, root mean square residual that reduces the likelihood by e^-1/2
     outside_weight: float = 1.0  #: of squared distances of points outside the surface; the family sets it
     pose_deviation: float = 0.0  #: prior of joint angles around rest; the unit of rest_spreads; 0: none
+    max_rest_pull: float = 0.5
+    """Deviations from rest beyond which the pull of this prior in a refinement stays the same."""
 
     @property
     def independent_points(self) -> float:

@@ -20,7 +20,7 @@ from gepf.common.bounds import MAX_BYTES
 from gepf.common.checks import check_range
 from gepf.common.errors import ProtocolError, VersionError
 
-PROTOCOL = 21  # version of messages and kernel, which coordinator and workers share
+PROTOCOL = 22  # version of messages and kernel, which coordinator and workers share
 LIVE = 1  # version of frames and results of live input, which other programs also use: docs/live.md
 
 DType = Literal["|u1", "<u2", "<u4", "<i8", "<f4", "<f8"]

@@ -34,25 +34,43 @@ from gepf.coordinator.settings import FilterSettings, ShapeSettings
 
 
 def pose_prior(
-    model: BodyModel, settings: RefineSettings, shapes: Array | None = None, precision: Array | None = None
+    model: BodyModel, settings: RefineSettings, poses: Array | None = None, precision: Array | None = None
 ) -> PosePrior | None:
-    """The prior for poses with these shapes (N, S) or (S,), which have a precision (S, S).
+    """The prior for the refinement of poses (N, D) or (D,), whose shape has the precision (S, S).
 
-    Without a precision, that of the population around each shape is taken. None if there is no prior at all.
+    The pull of a joint towards rest is bounded: it is that at a distance of `max_rest_pull` deviations if the
+    pose is farther away (Huber). Without poses, bodies are at rest. Without a precision of the shape, that of
+    the population around each shape is taken. None if there is no prior at all.
     """
     count, dofs = model.shape_count, len(model.dof_names)
-    resting = settings.has_joint_prior
-    if not (resting or count):
+    if not (settings.has_joint_prior or count):
         return None
-    free = np.isin(model.dof_names, ROOT_DOFS) | (model.kinds == SHAPE) | (not resting)
-    diagonal = np.where(free, 0.0, (max(settings.pose_deviation, 1e-9) * model.rest_spreads) ** -2.0)
+    here = np.zeros(dofs) if poses is None else poses
+    deviations = rest_deviations(model, settings)
+    mean, rests, diagonal = np.zeros_like(here), np.isfinite(deviations), deviations**-2.0
+    reach = settings.max_rest_pull * deviations[rests]
+    mean[..., rests] = here[..., rests] - np.clip(here[..., rests], -reach, reach)
     if not count:
-        return PosePrior(np.zeros(dofs), diagonal)
-    assert shapes is not None
-    mean, matrix = np.zeros((*shapes.shape[:-1], dofs)), np.diag(diagonal)
-    mean[..., :count] = shapes
+        return PosePrior(mean, diagonal)
+    mean[..., :count], matrix = here[..., :count], np.diag(diagonal)
     matrix[:count, :count] = population_precision(model) if precision is None else precision
     return PosePrior(mean, matrix)
+
+
+def log_rest_prior(model: BodyModel, settings: RefineSettings, poses: Array) -> Array:
+    """What the log density (N,) of poses (N, D) under the Gaussian around rest has beyond the refinement's.
+
+    It counts between the candidates of a search: depth decides the angle of a joint that it shows, but the
+    whole prior decides which of several poses is likelier.
+    """
+    off = poses / rest_deviations(model, settings)
+    return np.asarray(-0.5 * np.sum(np.maximum(0.0, off**2 - settings.max_rest_pull**2), axis=1))
+
+
+def rest_deviations(model: BodyModel, settings: RefineSettings) -> Array:
+    """Standard deviations (D,) of joints around rest; infinite for the base, shape, and without a prior."""
+    free = np.isin(model.dof_names, ROOT_DOFS) | (model.kinds == SHAPE) | (not settings.has_joint_prior)
+    return np.where(free, np.inf, max(settings.pose_deviation, 1e-9) * model.rest_spreads)
 
 
 def population_precision(model: BodyModel) -> Array:

@@ -216,7 +216,7 @@ class CandidateStages:
         for poses in groups:
             for first in range(0, len(poses), poses_per_request):
                 part = poses[first : first + poses_per_request]
-                prior = pose_prior(model, settings, part[:, : model.shape_count], precision)
+                prior = pose_prior(model, settings, part, precision)
                 particles = Particles(part, settings, spare=True, prior=prior)
                 sent.append(self._refiner.submit(subject, model, particles))
         try:

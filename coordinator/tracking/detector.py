@@ -199,7 +199,7 @@ class Detector:
         search = self._settings.search
         best = detection.candidates.distinct(model, 1, search.distinct_m)
         poses = move_root(model, best.poses, median_point(current) - median_point(detection.subject))
-        prior = pose_prior(model, settings, poses[:, : model.shape_count])
+        prior = pose_prior(model, settings, poses)
         particles = Particles(poses, with_iterations(settings, search.iterations), prior=prior)
         pending = self._refiner.submit(current, model, particles)
         candidates = ordered([candidates_of(model, pending.result(), current, settings)])

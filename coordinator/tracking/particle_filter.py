@@ -152,7 +152,7 @@ class ParticleFilter:
         covariance, velocity = proposal.asks_covariance(settings), proposal.past.velocity
         error_time_s = self._settings.shape.error_time_s
         past, share = proposal.past, frame_share(proposal.interval, error_time_s)
-        prior = pose_prior(model, settings, past.reported[: model.shape_count], past.shape_precision / share)
+        prior = pose_prior(model, settings, past.reported, past.shape_precision / share)
         particles = Particles(proposal.poses, settings, covariance, velocity=velocity, prior=prior)
         return self._refiner.submit(subject, model, particles)
 

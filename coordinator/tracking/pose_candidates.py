@@ -15,6 +15,7 @@ from gepf.common.refinement import Refined
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.families import family_of
 from gepf.coordinator.colour.matching import ExpectedBody, keypoint_cost
+from gepf.coordinator.filters.priors import log_rest_prior
 from gepf.coordinator.tracking.judgement import Gate
 from gepf.coordinator.tracking.observation import in_view
 from gepf.coordinator.tracking.state import Start
@@ -26,7 +27,7 @@ class PoseCandidates:
 
     poses: Array  # (N, D), with shape coefficients if the shape of the body is not known
     log_posterior: Array  # (N,) log likelihood plus `log_prior`
-    log_prior: Array  # (N,) log prior of pose and shape, given by the family of bodies
+    log_prior: Array  # (N,) log prior of pose and shape that the refinement does not count
     residual: Array  # (N,) metres
     joints: Array  # (N, J, 3) rig frame, metres
 
@@ -99,13 +100,13 @@ def candidates_of(
     *,
     knows_shape: bool = True,
 ) -> PoseCandidates:
-    """The candidates made from the refined poses of a body, in the same order, with the family's priors.
+    """The candidates made from the refined poses of a body, in the same order, with the priors' remainder.
 
     The prior of shapes counts only until the shape is known.
     """
     after = natural_angles(model, refined.poses)
     family, joints = family_of(model), joint_positions(model, after)
-    prior = family.log_pose_prior(model, settings, after)
+    prior = family.log_pose_prior(model, settings, after) + log_rest_prior(model, settings, after)
     if model.shape_count and not knows_shape:
         seen = in_view(subject, joints)
         prior += family.log_shape_prior(model.joint_names, after[:, : model.shape_count], seen)

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from gepf.coordinator.filters.priors import frame_share, population_precision, pose_prior, updated_precision
+from gepf.coordinator.filters.priors import (
+    frame_share,
+    log_rest_prior,
+    population_precision,
+    pose_prior,
+    updated_precision,
+)
 from gepf.coordinator.settings import ShapeSettings, preset
 from tests.support.bodies import flexible_puppet, puppet
 
@@ -45,9 +51,9 @@ def test_many_short_frames_count_as_few_long_ones() -> None:
 def test_the_prior_of_a_body_holds_its_shape_and_rests_its_joints() -> None:
     """Shapes of particles are the means, and the base is free; a rigid shape needs only the diagonal."""
     model, shapes = flexible_puppet(), np.arange(6.0).reshape(2, 3)
-    prior = pose_prior(model, SETTINGS, shapes)
-    assert prior is not None
     padded = np.pad(shapes, ((0, 0), (0, len(model.dof_names) - 3)))
+    prior = pose_prior(model, SETTINGS, padded)
+    assert prior is not None
     np.testing.assert_array_equal(prior.mean, padded)
     np.testing.assert_array_equal(prior.precision[:3, :3], population_precision(model))
     assert not prior.precision[3:9].any()
@@ -55,3 +61,20 @@ def test_the_prior_of_a_body_holds_its_shape_and_rests_its_joints() -> None:
     alone = pose_prior(puppet(), SETTINGS)
     assert alone is not None
     np.testing.assert_array_equal(alone.precision, np.diag(prior.precision)[3:])
+
+
+def test_far_from_rest_the_pull_stays_the_same_but_counts_between_poses() -> None:
+    """Near rest it is the Gaussian. Far from it, refinement and remainder together weigh as the Gaussian."""
+    model, reach = puppet(), SETTINGS.max_rest_pull
+    joints = np.arange(len(model.dof_names)) >= 6
+    deviations = SETTINGS.pose_deviation * model.rest_spreads[joints]
+    for distance in (0.4 * reach, 3.0 * reach):
+        pose = np.zeros(len(model.dof_names))
+        pose[joints] = distance * deviations
+        prior = pose_prior(model, SETTINGS, pose)
+        assert prior is not None
+        pull = (prior.precision * (pose - prior.mean))[joints] * deviations
+        np.testing.assert_allclose(pull, min(distance, reach))
+        in_refinement = -0.5 * np.sum(prior.precision * (pose - prior.mean) ** 2)
+        beyond = log_rest_prior(model, SETTINGS, pose[None])[0]
+        np.testing.assert_allclose(in_refinement + beyond, -0.5 * joints.sum() * distance**2)
