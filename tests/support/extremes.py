@@ -186,6 +186,7 @@ class Extremes:
             sensor=self._one_of(("distance", "camera")),
             outside_weight=self._one_of(ANY_SETTING),
             pose_deviation=self._one_of(ANY_SETTING),
+            max_rest_pull=self._one_of(ANY_SETTING),
             noise_depth=self._one_of(POSITIVE),
             noise_lateral=self._one_of(POSITIVE),
             likelihood_scale=self._one_of(POSITIVE),

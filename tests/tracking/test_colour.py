@@ -252,7 +252,7 @@ def test_dummies_do_not_keep_the_numbers_of_a_person_who_enters() -> None:
 
 def test_looks_at_candidates_do_not_depend_on_looking_ahead() -> None:
     """Frame by frame, or with the next one segmented ahead: the same bytes, with unconfirmed bodies."""
-    frames = dummies_and_a_person(24, 1.0 / 30.0)
+    frames = dummies_and_a_person(30, 0.05)
     one, other = (
         Tracker(DirectRefiner(), SETTINGS, known(), people=2, colour=KeypointFinder()) for _ in range(2)
     )
