@@ -104,7 +104,8 @@ def gather(
     rows: list[tuple[Array, Array, Mask, str]] = []
     for frame in frames[::every]:
         tracker.accept_first_detection()
-        segmented = segmenter.segment(frame, [ExpectedSurface(tracker.segmentation_surface())])
+        surface = tracker.segmentation_surface()
+        segmented = segmenter.segment(frame, [ExpectedSurface(surface)], find=surface is None)
         segmenter.learn(segmented)
         (subject,) = segmented.subjects
         if segmented.candidates:

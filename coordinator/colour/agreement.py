@@ -91,7 +91,7 @@ def compare(
 
 
 def with_agreement(states: ColourStates, cameras: Collection[str], time_s: float) -> ColourStates:
-    """The states after a frame in which the colour of these cameras showed people where depth has objects."""
+    """The states after a frame in which these cameras showed people, in colour, on candidates of depth."""
     return states | {
         name: replace(states.get(name, ColourState()), agreed_s=time_s) for name in sorted(cameras)
     }

@@ -1,4 +1,4 @@
-"""Finds the keypoints of people in the colour images of a frame, on a thread of its own."""
+"""Finds the keypoints of people in the colour images of a frame, beside the thread of the tracker."""
 
 from __future__ import annotations
 

@@ -100,9 +100,10 @@ def candidates_of(
     *,
     knows_shape: bool = True,
 ) -> PoseCandidates:
-    """The candidates made from the refined poses of a body, in the same order, with the priors' remainder.
+    """The candidates made from the refined poses of a body, in the same order.
 
-    The prior of shapes counts only until the shape is known.
+    Their log posterior includes the priors that the refinement does not count. The prior of shapes counts
+    only until the shape is known.
     """
     after = natural_angles(model, refined.poses)
     family, joints = family_of(model), joint_positions(model, after)

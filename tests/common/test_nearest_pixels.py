@@ -1,4 +1,4 @@
-"""The nearest occupied pixel: exact for any mask, and everywhere."""
+"""The nearest occupied pixel is exact for any mask, and defined if nothing is occupied."""
 
 from __future__ import annotations
 
