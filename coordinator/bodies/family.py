@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.angles import Angles
 from gepf.coordinator.bodies.tracked import activate_at, choose_active, name_pose
+
+if TYPE_CHECKING:  # reports do not need it
+    from gepf.coordinator.bodies.pixels import PixelForest
 
 SIZES = 64  # bodies that are kept
 EXTENT_POSES = 30  # in which the extents of a body are measured
@@ -101,6 +104,10 @@ class BodyFamily(ABC):
 
     zero: ClassVar[str] = "Zero and signs are the model's."
     """What angles of zero mean, for readers."""
+
+    def pixel_forest(self) -> PixelForest | None:
+        """What tells pixels of its bodies from those of things that touch them; None if nothing does."""
+        return None
 
     def reads(self, path: Path) -> bool:
         """Whether a file describes a body of this family."""

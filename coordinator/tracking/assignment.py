@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -45,7 +44,7 @@ class Assignment:
         """
         segmented, target = self._segmented, self._targets[person_index]
         is_elsewhere = False
-        subject, alternatives = segmented.subjects[person_index], tuple[SubjectFrame, ...]()
+        subject = segmented.subjects[person_index]
         if not isinstance(target.track, Body):
             subject, candidate = None, self._candidate_to_search(person_index)
         elif segmented.duplicates[person_index] and not target.is_just_detected:
@@ -58,13 +57,13 @@ class Assignment:
             )
             is_elsewhere = candidate is not None and not isinstance(target.track, Found)
         if candidate is not None:
-            subject, alternatives = candidate.subject, candidate.alternatives
+            subject = candidate.subject
         planes, set_aside = segmented.planes(subject), segmented.set_aside[person_index]
         return BodyView(
             segmented.frame,
             subject,
             planes,
-            alternatives,
+            candidate,
             set_aside,
             is_own=candidate is None,
             is_duplicate=segmented.duplicates[person_index],
@@ -125,9 +124,7 @@ class Assignment:
         if (person := target.searched_person) is not None:
             chosen = nearest(self._free, median_point(person.subject)) or chosen
         self._free.remove(chosen)
-        views = chosen.subject.views
-        by_camera = [UntrackedPerson(replace(chosen.subject, views=(view,))) for view in views]
-        options = [chosen, *by_camera] if len(views) > 1 else [chosen]
+        options = [chosen, *chosen.by_camera()] if len(chosen.subject.views) > 1 else [chosen]
         return options[round_number % len(options)]
 
     def _is_mostly_missing(self, person_index: int) -> bool:

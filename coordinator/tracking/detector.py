@@ -30,16 +30,11 @@ from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.settings import Settings, preset
 from gepf.coordinator.tracking.candidate_refinement import CandidateStages, Query, Search, Shape
 from gepf.coordinator.tracking.judgement import gate_pose, max_distance_m
-from gepf.coordinator.tracking.observation import (
-    camera_points,
-    in_view,
-    median_point,
-    observed_points,
-    without_flat,
-)
+from gepf.coordinator.tracking.observation import camera_points, in_view, median_point, observed_points
 from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates, candidates_of, ordered
 from gepf.coordinator.tracking.pose_library import PoseLibrary, at_quarter_turns, library_of, upright_rolls
 from gepf.coordinator.tracking.refiner import Refiner, with_iterations
+from gepf.coordinator.tracking.segmenter import UntrackedPerson
 from gepf.coordinator.tracking.state import Start, start_at
 
 
@@ -73,42 +68,33 @@ class Detector:
         """Build the pose library and the coarse body of the candidates."""
         _ = self._stages.coarse
 
-    def detect(
-        self,
-        subject: SubjectFrame,
-        noise: SensorNoise,
-        planes: Planes,
-        alternatives: Sequence[SubjectFrame] = (),
-    ) -> Search[Detection]:
+    def detect(self, person: UntrackedPerson, noise: SensorNoise, planes: Planes) -> Search[Detection]:
         """Detect an unknown body in a frame, given the camera's noise and the planes of the room.
 
-        `alternatives` are the same frame with successively wider masks of the person; the mask in which a
-        body explains the most pixels is used. In the alternatives, only the best poses so far and a few from
-        the library, in the first orientation, are refined. If no body explains the frame, its largest flat
-        part may be a seat. The search is then repeated without the points of that part.
+        The pixels that look like a body are searched first. If no body passes there, the subject and its
+        alternatives are, and the mask in which a body explains the most pixels is used. In the alternatives,
+        only the best poses so far and a few from the library, in the first orientation, are refined.
         """
         limits = self._settings.search
         rolls = upright_rolls(planes, self._rolls, limits.min_upright_share)
         settings = assume_noise(self._refine_settings, noise)
         shapes = np.array([self._bodies.shape_of(size) for size in self._bodies.sizes])
-        query = Query(subject, settings, self._family, shapes, limits, self._first_roll(rolls))
+        query = Query(person.subject, settings, self._family, shapes, limits, self._first_roll(rolls))
+        if person.body is not None:
+            body_query = replace(query, subject=person.body)
+            best = yield from self._stages.shortlist(body_query, self._match(body_query, rolls))
+            detected = yield from self._detect(body_query, best, noise, planes)
+            if detected.gate.passes:
+                return detected
         best = yield from self._stages.shortlist(query, self._match(query, rolls))
         best_query = query
-        for wider in alternatives:
+        for wider in person.alternatives:
             wider_query = replace(query, subject=wider)
             groups = best.poses, self._similar(wider_query, rolls[0], limits.further_candidates)
             refined = yield from self._stages.shortlist(wider_query, groups)
             if self._gain(wider_query, refined) > self._gain(best_query, best):
                 best_query, best = wider_query, refined
-        detected = yield from self._detect(best_query, best, noise, planes)
-        if detected.gate.passes or self._family.has_flat_sides:
-            return detected
-        if (clear := without_flat(subject, self._settings.scene)) is subject:
-            return detected
-        query = replace(query, subject=clear)
-        best = yield from self._stages.shortlist(query, self._match(query, rolls))
-        without_seat = yield from self._detect(query, best, noise, planes)
-        return without_seat if without_seat.gate.passes else detected
+        return (yield from self._detect(best_query, best, noise, planes))
 
     def _detect(
         self, query: Query, best: PoseCandidates, noise: SensorNoise, planes: Planes

@@ -17,14 +17,11 @@ from numpy.typing import NDArray
 from gepf.common.arrays import Array, Mask
 from gepf.common.body import BodyModel
 from gepf.common.camera import pixels_at
-from gepf.common.frame import HIDDEN, SUBJECT, UNKNOWN, Frame, SubjectFrame, SubjectView, View
+from gepf.common.frame import HIDDEN, SUBJECT, Frame, SubjectFrame, SubjectView, View
 from gepf.common.kinematics import joint_positions
 from gepf.coordinator.filters.belief import USUAL_INTERVAL, Observation
-from gepf.coordinator.scene.flatness import find_flat_part
-from gepf.coordinator.scene.noise import fit_noise
 from gepf.coordinator.scene.occupancy import Window
 from gepf.coordinator.scene.segmentation import Labels, slices
-from gepf.coordinator.settings import SceneSettings
 
 SAMPLED_POINTS = 300  # observed points that are enough for the filter, and for a median
 MIN_WEIGHTED_POINTS = 1_000  # low weights never reduce the number of a body's points below this
@@ -197,27 +194,6 @@ def thin(subject: SubjectFrame, points: int) -> SubjectFrame:
     stride = -(-sum(len(view.picked) for view in subject.views) // points)
     views = (replace(view, picked=view.picked[::stride].copy()) for view in subject.views)
     return replace(subject, views=tuple(views))
-
-
-def without_flat(subject: SubjectFrame, settings: SceneSettings) -> SubjectFrame:
-    """The frame without the largest flat part of its largest view; the pixels of this part become unknown.
-
-    Returns the same frame if no flat part is large enough, or if the flat parts are most of the subject.
-    """
-    view, limits = subject.largest, settings.candidates
-    depth = view.image.metres()
-    noise = fit_noise(depth, settings.noise)
-    flat = find_flat_part(depth, depth > 0.0, view.image.intrinsics, noise, settings)
-    flat_mask = flat.grow(flat.patch_areas >= limits.min_part_m2)
-    picked = flat_mask.ravel()[view.picked]
-    if not 0.0 < picked.mean() <= limits.max_flat_share:
-        return subject
-    image, labels = view.image, view.labels
-    if labels is not None:
-        image = replace(image, depth=np.where(flat_mask, np.uint16(0), image.depth))
-        labels = np.where(flat_mask, np.uint8(UNKNOWN), labels)
-    clear = replace(view, image=image, labels=labels, picked=view.picked[~picked].copy())
-    return replace(subject, views=(clear, *subject.views[1:]))
 
 
 def depth_of(subject: SubjectFrame, camera: str, shape: tuple[int, ...]) -> NDArray[np.float32]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import NamedTuple
 
@@ -12,8 +12,9 @@ import numpy as np
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
+from gepf.coordinator.bodies.pixels import PixelForest
 from gepf.coordinator.colour.matching import Keypoints, with_keypoints
-from gepf.coordinator.scene.candidates import Candidate, find_candidates, has_moved
+from gepf.coordinator.scene.candidates import Candidate, area_of, find_candidates, has_moved
 from gepf.coordinator.scene.duplicates import evidence_of, find_duplicates
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import NO_POINTS, Depth, Scene, SceneChange, SceneChanges, SceneView
@@ -32,8 +33,21 @@ from gepf.coordinator.scene.segmentation import (
 from gepf.coordinator.settings import SceneSettings
 from gepf.coordinator.tracking.observation import MaskedView, depth_in, depth_of, subject_of, whole_view
 
-MaskHypotheses = tuple[MaskedView, ...]
-"""The masks of an untracked person in one image, from the narrowest to the widest."""
+
+class PersonMasks(NamedTuple):
+    """The masks of an untracked person in one image.
+
+    hypotheses: from the narrowest to the widest. body: the pixels of the widest one that look like a body;
+    None without a forest, or if they are too few for a body.
+    """
+
+    hypotheses: tuple[MaskedView, ...]
+    body: MaskedView | None = None
+
+    @property
+    def narrowest(self) -> MaskedView:
+        """The narrowest mask."""
+        return self.hypotheses[0]
 
 
 class ExpectedSurface(NamedTuple):
@@ -86,7 +100,7 @@ class SegmentedView:
     image: View
     scene: SceneView
     bodies: tuple[MaskedView | None, ...]
-    people: tuple[MaskHypotheses, ...]
+    people: tuple[PersonMasks, ...]
     not_learned: Mask | None = None
     foreign: Points = field(default_factory=lambda: NO_POINTS)
 
@@ -95,11 +109,13 @@ class SegmentedView:
 class UntrackedPerson:
     """The crop of a person who is not tracked.
 
-    alternatives: the crop of the person with successively wider masks.
+    alternatives: the crop of the person with successively wider masks. body: the crop with only those pixels
+    that look like a body; None if they are not known.
     """
 
     subject: SubjectFrame
     alternatives: tuple[SubjectFrame, ...] = ()
+    body: SubjectFrame | None = None
 
     @property
     def widest(self) -> SubjectFrame:
@@ -111,12 +127,23 @@ class UntrackedPerson:
         """Whether colour confirms the person."""
         return self.subject.has_keypoints
 
+    def by_camera(self) -> list[UntrackedPerson]:
+        """The person in the image of one camera at a time, without alternatives."""
+        bodies = {view.image.camera: view for view in (self.body.views if self.body else ())}
+        people = list[UntrackedPerson]()
+        for view in self.subject.views:
+            own = bodies.get(view.image.camera)
+            body = None if own is None else replace(self.subject, views=(own,))
+            people.append(UntrackedPerson(replace(self.subject, views=(view,)), body=body))
+        return people
+
     def with_keypoints(self, keypoints: Keypoints) -> UntrackedPerson:
         """The person with the keypoints that colour shows."""
         if not keypoints:
             return self
         alternatives = (with_keypoints(frame, keypoints) for frame in self.alternatives)
-        return UntrackedPerson(with_keypoints(self.subject, keypoints), tuple(alternatives))
+        body = None if self.body is None else with_keypoints(self.body, keypoints)
+        return UntrackedPerson(with_keypoints(self.subject, keypoints), tuple(alternatives), body)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,19 +191,19 @@ class DetectedBody(NamedTuple):
 class BodyView:
     """What a frame shows of one body.
 
-    alternatives: see `UntrackedPerson`; used only for a body that is not known yet. set_aside: the crops from
-    the cameras that are not used for this body. is_own: the subject was segmented around the body, and is
-    not a candidate. is_duplicate: others explain everything visible of the body. is_elsewhere: not where
-    the body was expected. after_gap: the gap since the last frame is long, so the next frame is not segmented
-    until this one has been refined. is_looked_at: the keypoint network has looked for this person in a
-    trusted colour image. motion_m: the motion (3,) since the last pose according to colour; None if unknown.
-    is_swapped: left and right in colour were swapped, to agree with the body.
+    candidate: the untracked person whose subject this is; None if it is that of the body. set_aside: the
+    crops from the cameras that are not used for this body. is_own: the subject was segmented around the body,
+    and is not a candidate. is_duplicate: others explain everything visible of the body. is_elsewhere: not
+    where the body was expected. after_gap: the gap since the last frame is long, so the next frame is not
+    segmented until this one has been refined. is_looked_at: the keypoint network has looked for this person
+    in a trusted colour image. motion_m: the motion (3,) since the last pose according to colour; None if
+    unknown. is_swapped: left and right in colour were swapped, to agree with the body.
     """
 
     frame: Frame
     subject: SubjectFrame | None
     planes: Planes
-    alternatives: tuple[SubjectFrame, ...] = ()
+    candidate: UntrackedPerson | None = None
     set_aside: SubjectFrame | None = None
     is_own: bool = True
     is_duplicate: bool = False
@@ -193,9 +220,15 @@ class Segmenter:
     Each camera has its own scene. A frame is learned after it has been segmented, before the next one.
     """
 
-    def __init__(self, points: int, settings: SceneSettings, scope: Scope | None = None) -> None:
+    def __init__(
+        self,
+        points: int,
+        settings: SceneSettings,
+        scope: Scope | None = None,
+        forest: PixelForest | None = None,
+    ) -> None:
         self._points, self._settings = points, settings
-        self._scope = scope or Scope()
+        self._scope, self._forest = scope or Scope(), forest
         self._scenes = dict[str, Scene]()
 
     def restore(self, changes: SceneChanges) -> None:
@@ -248,12 +281,12 @@ class Segmenter:
         self, segmented: SegmentedFrame, tracked: Sequence[Array]
     ) -> tuple[UntrackedPerson, ...]:
         """People in a segmented frame, most likely first, without those at the vertices `tracked` (V, 3)."""
-        masks_by_image = list[Sequence[MaskHypotheses]]()
+        masks_by_image = list[Sequence[PersonMasks]]()
         for segmented_view in segmented.views:
             image, view = segmented_view.image, segmented_view.scene
             if shows_one_body(view, len(segmented.subjects)):
                 everything = whole_view(image)
-                masks_by_image.append([] if everything is None else [(everything,)])
+                masks_by_image.append([] if everything is None else [PersonMasks((everything,))])
                 continue
             distances = [measure_distances(view, image.to_camera(body)) for body in tracked]
             near_bodies = nearest_of(view, distances) <= self._settings.segmentation.near_m
@@ -324,7 +357,8 @@ class Segmenter:
         if not expected.bodies:
             everything = whole_view(image)
             if bodies[0].vertices is None:
-                return SegmentedView(image, view, (None,), () if everything is None else ((everything,),))
+                shown = [] if everything is None else [PersonMasks((everything,))]
+                return SegmentedView(image, view, (None,), tuple(shown))
             return SegmentedView(image, view, (everything,), ())
         surfaces = [
             None if is_duplicate else body
@@ -348,22 +382,24 @@ class Segmenter:
 
     def _choose_people(
         self, expected: ExpectedView, candidates: Sequence[Candidate], near_bodies: Mask
-    ) -> tuple[MaskHypotheses, ...]:
+    ) -> tuple[PersonMasks, ...]:
         """The masks of the candidates for the selected person, the most likely first."""
         image, view = expected.image, expected.scene
         # colour tells which of several candidates is a person
         count = 1 if len(expected.bodies) == 1 and image.colours is None else None
         chosen = self._scope.of(image.camera).choose(view, candidates)[:count]
-        return tuple(mask_candidate(image, view, person, near_bodies) for person in chosen)
+        return tuple(mask_candidate(image, view, person, near_bodies, self._forest) for person in chosen)
 
     def _join_people(
-        self, frame: Frame, masks_by_image: Sequence[Sequence[MaskHypotheses]]
+        self, frame: Frame, masks_by_image: Sequence[Sequence[PersonMasks]]
     ) -> tuple[UntrackedPerson, ...]:
         """The people that the masks in all images show; masks at the same place are one person."""
-        people, max_distance_m = list[list[MaskHypotheses]](), self._settings.candidates.same_person_m
+        people, max_distance_m = list[list[PersonMasks]](), self._settings.candidates.same_person_m
         for in_image in masks_by_image:
             for masks in in_image:
-                not_in_image = [p for p in people if all(m[0].image is not masks[0].image for m in p)]
+                not_in_image = [
+                    p for p in people if all(m.narrowest.image is not masks.narrowest.image for m in p)
+                ]
                 near = (person for person in not_in_image if distance_of(person, masks) < max_distance_m)
                 same = min(near, key=lambda person: distance_of(person, masks), default=None)
                 if same is None:
@@ -373,12 +409,14 @@ class Segmenter:
         joined = (self._person_of(frame, person) for person in people)
         return tuple(person for person in joined if person is not None)
 
-    def _person_of(self, frame: Frame, images: Sequence[MaskHypotheses]) -> UntrackedPerson | None:
+    def _person_of(self, frame: Frame, images: Sequence[PersonMasks]) -> UntrackedPerson | None:
         """The person whom these masks, one group per image, show; None if they contain no depth."""
-        levels = range(max(map(len, images)))
-        masked = [[masks[min(level, len(masks) - 1)] for masks in images] for level in levels]
+        by_image = [masks.hypotheses for masks in images]
+        levels = range(max(map(len, by_image)))
+        masked = [[masks[min(level, len(masks) - 1)] for masks in by_image] for level in levels]
         subject, *wider = [subject_of(frame, views, self._points) for views in masked]
-        return UntrackedPerson(subject, tuple(filter(None, wider))) if subject else None
+        body = subject_of(frame, [masks.body for masks in images if masks.body is not None], self._points)
+        return UntrackedPerson(subject, tuple(filter(None, wider)), body) if subject else None
 
 
 def segment_bodies(
@@ -402,10 +440,28 @@ def segment_bodies(
     return tuple(own), may_be_anywhere
 
 
-def mask_candidate(image: View, view: SceneView, person: Candidate, near_bodies: Mask) -> MaskHypotheses:
-    """The masks of a candidate in an image; `near_bodies` (H, W) are the pixels near tracked bodies."""
-    masked = segment_masks(view, (person.mask, *person.wider), near_bodies)
-    return tuple(masked_view(image, view, mask) for mask in masked)
+def mask_candidate(
+    image: View, view: SceneView, person: Candidate, near_bodies: Mask, forest: PixelForest | None = None
+) -> PersonMasks:
+    """The masks of a candidate in an image; `near_bodies` (H, W) are the pixels near tracked bodies.
+
+    Without a forest, it is not known which of the pixels look like a body.
+    """
+    wider = (person.mask, *person.wider)
+    narrow = () if (body := body_pixels(view, person.widest, forest)) is None else (body,)
+    masked = [
+        masked_view(image, view, found) for found in segment_masks(view, (*narrow, *wider), near_bodies)
+    ]
+    return PersonMasks(tuple(masked[len(narrow) :]), masked[0] if narrow else None)
+
+
+def body_pixels(view: SceneView, mask: Mask, forest: PixelForest | None) -> Mask | None:
+    """The pixels of a mask (H, W) that look like a body to the forest; None if they are too few for one."""
+    if forest is None:
+        return None
+    body = forest.find_body(view.depth, view.intrinsics, mask, view.planes.level[1, :2])
+    area_m2 = area_of(view, points_of(view.depth, view.intrinsics, body))
+    return body if area_m2 >= view.settings.segmentation.min_person_m2 else None
 
 
 def shows_one_body(view: SceneView, body_count: int) -> bool:
@@ -429,9 +485,9 @@ def masked_view(image: View, view: SceneView, segmentation: Segmentation) -> Mas
     return MaskedView(image, segmentation.window, segmentation.labels, weights)
 
 
-def distance_of(person: Sequence[MaskHypotheses], masks: MaskHypotheses) -> float:
+def distance_of(person: Sequence[PersonMasks], masks: PersonMasks) -> float:
     """Distance in metres between a person's masks in their first image and masks in another image."""
-    return distance_between(person[0][0], masks[0])
+    return distance_between(person[0].narrowest, masks.narrowest)
 
 
 def distance_between(first: MaskedView, second: MaskedView) -> float:

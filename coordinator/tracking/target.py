@@ -414,8 +414,8 @@ class TargetTracker:
             return None
         if "search" in todo:
             noise = self._measure_noise(subject)
-            stages = self._detector.detect(subject, noise, view.planes, view.alternatives)
-            self.search = BodySearch(stages, UntrackedPerson(subject, view.alternatives))
+            searched = view.candidate or UntrackedPerson(subject)
+            self.search = BodySearch(self._detector.detect(searched, noise, view.planes), searched)
         if wait and self.search is not None:
             self.search.finish()
         self.accept_first_detection()

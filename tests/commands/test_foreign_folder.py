@@ -79,6 +79,7 @@ def test_the_wheel_installs_one_package(wheel: Path) -> None:
         "py.typed",
         "common/protocol/wire.py",
         "coordinator/bodies/human/person.npz",
+        "coordinator/bodies/human/pixels.npz",
         "coordinator/bodies/human/poses.npz",
         "coordinator/report/page.html.j2",
         "worker/cli.py",

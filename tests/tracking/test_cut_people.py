@@ -18,6 +18,7 @@ from gepf.coordinator.scene.noise import NO_NOISE
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.observation import in_view
+from gepf.coordinator.tracking.segmenter import UntrackedPerson
 from gepf.refiners import DirectRefiner
 from tests.support.people import (
     CAMERA,
@@ -151,7 +152,7 @@ def test_a_board_before_the_legs_is_no_evidence_against_them() -> None:
     kinds[depth > 0] = SUBJECT
     picked = np.flatnonzero(depth).astype(np.uint32)[::4]
     behind = alone(replace(view, image=replace(view.image, depth=depth), labels=kinds, picked=picked))
-    search = Detector(people(), DirectRefiner(), SETTINGS).detect(behind, NO_NOISE, Planes())
+    search = Detector(people(), DirectRefiner(), SETTINGS).detect(UntrackedPerson(behind), NO_NOISE, Planes())
     found = complete(search)
     seen = in_view(behind, whole.joints[0])
     assert found.gate.passes

@@ -15,6 +15,7 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.refinement import Particles, Refined
 from gepf.coordinator.bodies.family import Bodies
+from gepf.coordinator.bodies.human.people import people_pixels
 from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.mechanisms import MECHANISMS
@@ -27,6 +28,7 @@ from gepf.coordinator.tracking.detector import Detector
 from gepf.coordinator.tracking.judgement import Gate
 from gepf.coordinator.tracking.pose_candidates import Detection, PoseCandidates
 from gepf.coordinator.tracking.refiner import Request
+from gepf.coordinator.tracking.segmenter import UntrackedPerson
 from gepf.coordinator.tracking.state import start_at
 from gepf.coordinator.tracking.warm_up import unmoved
 from gepf.refiners import DirectRefiner
@@ -68,7 +70,9 @@ class Plain(DirectRefiner):
 def detect(bodies: Bodies, model: BodyModel, pose: Array) -> tuple[Detection, BodyModel]:
     """What is detected in a frame that shows a pose. Candidates are never asked for their covariance."""
     subject = subject_of(show(model, pose[None]).frames[0], 2_000)
-    found = complete(Detector(bodies, Plain(), preset("default")).detect(subject, NO_NOISE, Planes()))
+    found = complete(
+        Detector(bodies, Plain(), preset("default")).detect(UntrackedPerson(subject), NO_NOISE, Planes())
+    )
     return found, found.start.model
 
 
@@ -99,7 +103,10 @@ def test_a_person_is_detected_in_an_unusual_pose_and_of_any_size(
 
 
 def test_the_front_of_a_seat_is_not_taken_for_a_part_of_the_person() -> None:
-    """A box half a metre wide below a person who sits on it, turned by 40 degrees."""
+    """A box half a metre wide below a person who sits on it, turned by 40 degrees.
+
+    The pixels that look like a body are searched first.
+    """
     model = people().for_start(1.75, 1.05)
     bent = dict.fromkeys((f"{side}_{joint}_flexion" for side in "lr" for joint in ("hip", "knee")), 1.5)
     pose = name_pose(model, {"root_tz": 2.8, "root_ty": 0.3, "root_ry": 0.7, **bent})
@@ -110,9 +117,14 @@ def test_the_front_of_a_seat_is_not_taken_for_a_part_of_the_person() -> None:
     x, y, _ = np.moveaxis(back_project(np.full(view.depth.shape, front), view.intrinsics), -1, 0)
     box = (np.abs(x - pelvis[0]) < 0.25) & (pelvis[1] + 0.08 < y) & (y < ankle[1] + 0.05)
     depth = np.where(box & (view.depth == 0), np.uint16(front * view.depth_scale), view.depth)
-    subject = subject_of(changed(frame, depth=depth), 2_000)
-    found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(subject, NO_NOISE, Planes()))
+    whole = changed(frame, depth=depth)
+    metres, camera = whole.views[0].metres(), whole.views[0].intrinsics
+    own = people_pixels().find_body(metres.astype(np.float32), camera, depth > 0, np.array([0.0, 1.0]))
+    body = subject_of(changed(frame, depth=np.where(own, depth, np.uint16(0))), 2_000)
+    person = UntrackedPerson(subject_of(whole, 2_000), body=body)
+    found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(person, NO_NOISE, Planes()))
     assert found.gate.passes
+    assert found.subject is body
     assert np.linalg.norm(found.candidates.joints[0] - truth, axis=-1).max() < 0.05
     assert Size(*found.start.size).stature == pytest.approx(1.75, rel=0.04)
 
@@ -175,7 +187,7 @@ def test_what_may_be_the_persons_is_used_if_a_body_explains_it(extra: str) -> No
         subject_of(changed(whole, depth=depth), 2_000),
         Detector(people(), DirectRefiner(), SETTINGS),
     )
-    found = complete(detector.detect(subject, NO_NOISE, Planes(), [wider]))
+    found = complete(detector.detect(UntrackedPerson(subject, (wider,)), NO_NOISE, Planes()))
     assert (found.subject is wider) is (extra == "arm")
     off = found.candidates.joints[0] - joint_positions(MODEL, pose[None])[0]
     assert np.linalg.norm(off, axis=-1).max() < 0.12
@@ -250,7 +262,7 @@ def test_a_smaller_body_in_a_part_of_the_person_is_not_preferred() -> None:
         subject_of(changed(whole, depth=depth), 2_000),
         Detector(people(), DirectRefiner(), SETTINGS),
     )
-    found = complete(detector.detect(subject, NO_NOISE, Planes(), [wider]))
+    found = complete(detector.detect(UntrackedPerson(subject, (wider,)), NO_NOISE, Planes()))
     assert found.subject is wider
     assert Size(*found.start.size).stature == pytest.approx(1.9, rel=0.03)
 
@@ -270,7 +282,7 @@ def test_a_search_in_which_no_candidate_is_visible_finds_nobody() -> None:
     """A first one, with any size, and one for a known body; the reason is that none fits."""
     subject = subject_of(show(MODEL, name_pose(MODEL, STANDING)[None]).frames[0], 2_000)
     detector = Detector(people(), Blind(), SETTINGS)
-    first = complete(detector.detect(subject, NO_NOISE, Planes()))
+    first = complete(detector.detect(UntrackedPerson(subject), NO_NOISE, Planes()))
     start = start_at(STANDING, people(), Size(1.82, 1.05))
     later = complete(detector.redetect(subject, start, SETTINGS.refine, start.pose, NO_SHAPE, lost=True))
     for found in (first, later, detector.transfer(later, replace(subject), SETTINGS.refine)):

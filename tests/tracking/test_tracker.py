@@ -32,7 +32,7 @@ from gepf.coordinator.tracking.judgement import has_rival
 from gepf.coordinator.tracking.particle_filter import FrameBudget, SubmittedPerson
 from gepf.coordinator.tracking.refiner import Request
 from gepf.coordinator.tracking.reporting import Stopwatch, report
-from gepf.coordinator.tracking.segmenter import BodyView
+from gepf.coordinator.tracking.segmenter import BodyView, UntrackedPerson
 from gepf.coordinator.tracking.state import PersonState, first_state
 from gepf.coordinator.tracking.target import TargetTracker
 from gepf.coordinator.tracking.track_state import Body
@@ -323,7 +323,9 @@ def test_a_live_search_that_fails_counts_as_in_a_recording() -> None:
 def test_a_search_that_ends_early_leaves_nothing_behind() -> None:
     """Its requests are cancelled; after an error, the next frame begins another one."""
     frame, refiner = shown("standing").frames[0], Watched()
-    search = Detector(people(), refiner, SETTINGS).detect(subject_of(frame, 2000), NO_NOISE, Planes())
+    search = Detector(people(), refiner, SETTINGS).detect(
+        UntrackedPerson(subject_of(frame, 2000)), NO_NOISE, Planes()
+    )
     next(search)
     search.close()
     assert refiner.events.count("given up") == refiner.events.count("busy") > 0

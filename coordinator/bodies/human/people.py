@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_
 from gepf.coordinator.bodies.human.typical_poses import people_poses
 from gepf.coordinator.bodies.tracked import choose_active
 from gepf.coordinator.files import read_json
+
+if TYPE_CHECKING:
+    from gepf.coordinator.bodies.pixels import PixelForest
 
 PERSON_SUFFIX = ".json"
 
@@ -46,6 +50,10 @@ def limb_lines(side: str) -> tuple[tuple[str, str], ...]:
     return (*arm, ("pelvis", hip), (hip, knee), (knee, ankle))
 
 
+PIXELS_FILE = Path(__file__).with_name("pixels.npz")
+"""The forest that tells people from things; `python -m benchmarks.body_pixels` trained it."""
+
+
 class People(BodyFamily):
     """People: detected in typical poses and any size, upright unless something contradicts, never flat."""
 
@@ -63,6 +71,10 @@ class People(BodyFamily):
     outside_weight = 0.5  # errors fall by 0.4 cm for clothed people, and stay the same for swimwear
     has_keypoints = True
     zero = "Zero is standing straight with arms hanging; signs mean the same on both sides."
+
+    def pixel_forest(self) -> PixelForest:
+        """The forest that tells people from things."""
+        return people_pixels()
 
     def reads(self, path: Path) -> bool:
         """Whether a file holds a person's measures."""
@@ -184,3 +196,11 @@ def read_person(path: Path) -> Measures:
 
 
 PEOPLE = People()
+
+
+@lru_cache(maxsize=1)
+def people_pixels() -> PixelForest:
+    """The forest of `PIXELS_FILE`."""
+    from gepf.coordinator.bodies.pixels import PixelForest
+
+    return PixelForest.load(PIXELS_FILE)

@@ -1,0 +1,1 @@
+"""Trains the forest that tells pixels of people from those of things."""
