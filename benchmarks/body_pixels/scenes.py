@@ -55,7 +55,7 @@ class LabelledImage:
 
 
 def draw_images(rng: np.random.Generator) -> Iterator[LabelledImage]:
-    """Images of one scene from several sides; none if the drawn arms are in the way of everything."""
+    """Images of one scene from several sides; none if no motion of the arms is free."""
     try:
         situation = draw_using(rng) if rng.random() < SEATED_SHARE else draw_beside(rng)
     except GepfError:

@@ -90,9 +90,6 @@ class BodyFamily(ABC):
     lines: ClassVar[tuple[tuple[str, str], ...]] = ()
     """Pairs of joints that pictures connect."""
 
-    has_flat_sides: ClassVar[bool] = True
-    """Whether a large flat part that is observed may belong to a body."""
-
     is_exact: ClassVar[bool] = True
     """Whether the surface of the model is that of the body, not a template's, and its size is known.
 

@@ -180,7 +180,7 @@ def segment_masks(
 ) -> tuple[Segmentation, ...]:
     """Label the pixels for a person without a posed body, once for each mask (H, W) of the person's pixels.
 
-    Each mask contains the previous one. The surroundings of all masks are labelled relative to the last,
+    The last mask contains all others. The surroundings of all masks are labelled relative to the last,
     widest one; for a narrower mask, the remaining pixels of the widest one are unknown.
     """
     points = points_of(view.depth, view.intrinsics, masks[-1])

@@ -447,12 +447,11 @@ def mask_candidate(
 
     Without a forest, it is not known which of the pixels look like a body.
     """
-    wider = (person.mask, *person.wider)
-    narrow = () if (body := body_pixels(view, person.widest, forest)) is None else (body,)
-    masked = [
-        masked_view(image, view, found) for found in segment_masks(view, (*narrow, *wider), near_bodies)
-    ]
-    return PersonMasks(tuple(masked[len(narrow) :]), masked[0] if narrow else None)
+    masks = [person.mask, *person.wider]
+    if (body := body_pixels(view, person.widest, forest)) is not None:
+        masks.insert(0, body)
+    masked = tuple(masked_view(image, view, each) for each in segment_masks(view, masks, near_bodies))
+    return PersonMasks(masked) if body is None else PersonMasks(masked[1:], masked[0])
 
 
 def body_pixels(view: SceneView, mask: Mask, forest: PixelForest | None) -> Mask | None:

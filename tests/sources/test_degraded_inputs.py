@@ -29,7 +29,8 @@ FRAMES = 8
 OPTIONS = ("--particles", "6", "--points", "1500", "--no-pictures")
 RAISING = {"l_elbow_flexion": 0.12, "l_shoulder_flexion": 0.08, "root_tx": 0.01}
 FLOOR, WALL = 1.15, 4.0  # metres below and before the camera
-ALLOWED_M = 0.006
+ALLOWED_M = 0.004
+ALLOWED_OF_CLOUDS_M = 0.006  # their images have another size, and other pixels that look like a person
 COLOUR = Intrinsics(1280, 720, 920.0, 920.0, 639.5, 359.5)
 APART_M = 0.025  # from the depth camera to that of colour
 DISTORTION = (0.12, -0.2, 0.001, -0.002, 0.05)
@@ -92,7 +93,7 @@ def test_point_clouds_without_a_camera_are_tracked(tmp_path: Path) -> None:
         cloud = trimesh.PointCloud(back_project(depth, CAMERA).reshape(-1, 3))  # type: ignore[no-untyped-call]
         (path / f"{n}.ply").write_bytes(cloud.export(file_type="ply"))  # type: ignore[no-untyped-call]
     plain = write_open3d(tmp_path / "plain", millimetres(filmed(CAMERA)), CAMERA)
-    assert error(path) == pytest.approx(error(plain), abs=ALLOWED_M)
+    assert error(path) == pytest.approx(error(plain), abs=ALLOWED_OF_CLOUDS_M)
 
 
 def test_images_of_a_lens_are_tracked(tmp_path: Path) -> None:

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 PERSON_SUFFIX = ".json"
 
+PIXELS_FILE = Path(__file__).with_name("pixels.npz")
+"""The forest that tells people from things; `python -m benchmarks.body_pixels` trained it."""
+
 SPINE = ("vl3_tilt", "vl3_roll", "vl3_torsion", "vc7_tilt")
 """One joint of the lower back and one of the neck represent all others: people bend, and look down."""
 
@@ -50,10 +53,6 @@ def limb_lines(side: str) -> tuple[tuple[str, str], ...]:
     return (*arm, ("pelvis", hip), (hip, knee), (knee, ankle))
 
 
-PIXELS_FILE = Path(__file__).with_name("pixels.npz")
-"""The forest that tells people from things; `python -m benchmarks.body_pixels` trained it."""
-
-
 class People(BodyFamily):
     """People: detected in typical poses and any size, upright unless something contradicts, never flat."""
 
@@ -67,7 +66,7 @@ class People(BodyFamily):
     axis = ("pelvis", "head")
     sides = (("left_hip", "right_hip"), ("left_shoulder", "right_shoulder"))
     lines = (("pelvis", "neck"), ("neck", "head"), *limb_lines("right"), *limb_lines("left"))
-    has_flat_sides = is_exact = False
+    is_exact = False
     outside_weight = 0.5  # errors fall by 0.4 cm for clothed people, and stay the same for swimwear
     has_keypoints = True
     zero = "Zero is standing straight with arms hanging; signs mean the same on both sides."
