@@ -1,122 +1,118 @@
-"""Trains the forest that tells people from things: python -m benchmarks.body_pixels [FILE].
+"""Draws the crops that `train.py` trains its network with: python -m benchmarks.body_pixels CROPS.
 
-It needs scikit-learn (`pip install scikit-learn`), which nothing else does. People of many sizes, most of
-them dressed, sit, lie, and stand in the poses of the library, with furniture, other things and other people
-beside them. Cameras of three kinds look at them from all sides, from 0.6 to 4.2 m, and cut many of them.
-Pixels are drawn from each image and described by differences of depth between pairs of places around them;
-the forest learns which are people. The last tenth of the scenes is held out. Furniture is drawn as in
-`benchmarks.furniture`, from other random numbers. Twelve minutes on two cores.
+People of many sizes, most of them dressed, sit, lie, and stand in the poses of the library, with furniture,
+other things and other people beside them. Cameras of three kinds look at them from all sides, from 0.6 to
+4.2 m, and cut many of them. Each large component of the foreground gives a crop, as the tracker makes it,
+moved, turned and scaled a little; in some of them a part of the room is left in the foreground. Furniture is
+drawn as in `benchmarks.furniture`, from other random numbers. Ten minutes on two cores.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.body_pixels.scenes import LabelledImage, draw_images
-from gepf.common.arrays import Array, Indices, Mask
-from gepf.coordinator.bodies.human.people import PIXELS_FILE
-from gepf.coordinator.bodies.pixels import PixelForest, describe
+from gepf.common.arrays import Indices, Mask
+from gepf.coordinator.bodies.pixels import CELL_M, MIN_CELLS, grid_at, sample
+from gepf.coordinator.scene.noise import noise_of
+from gepf.coordinator.scene.segmentation import label_parts, measure_components
+from gepf.coordinator.settings import SceneSettings
 
-SEED = 77
-FEATURES, NEAREST_M, FARTHEST_M = 400, 0.02, 0.7  # of the places that are compared, from the pixel
-LIMIT_M = 1.0
-DRAWN = {"people": 330, "furniture": 210, "room": 40}  # pixels of an image
-LIMITS = (0.3, 0.4, 0.5, 0.6)  # of the share of a pixel of a body, in the report
+SEED = 80
+SETTINGS = SceneSettings()
+MOVED_CELLS, TURNED_DEG, SCALED = 5.0, 4.0, 0.1  # most, deviation, most
+ROOM_SHARE = 0.3  # of images in which a part of the room is left
+LARGEST_COMPONENTS = 3  # of an image
+
+
+class Crop(NamedTuple):
+    """What the network sees (H, W), and which foreground cells (H, W) show people; or N such crops."""
+
+    depth: NDArray[np.float16]
+    known: Mask
+    foreground: Mask
+    people: Mask
 
 
 def main() -> int:
-    """Draw, train, report, write."""
+    """Draw and write."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.body_pixels", description=__doc__)
-    parser.add_argument("file", type=Path, nargs="?", default=PIXELS_FILE)
-    parser.add_argument("--scenes", type=int, default=1800, metavar="N")
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--scenes", type=int, default=3_300, metavar="N")
     parser.add_argument("--processes", type=int, default=2, metavar="N")
     chosen = parser.parse_args()
     with get_context("fork").Pool(chosen.processes) as pool:
-        drawn = pool.map(draw_pixels, range(chosen.scenes), chunksize=4)
-    values, labels = zip(*drawn, strict=True)
-    training = int(0.9 * chosen.scenes)
-    train(np.concatenate(values[:training]), np.concatenate(labels[:training]), chosen.file)
-    held_out = np.concatenate(values[training:]), np.concatenate(labels[training:])
-    print(report(PixelForest.load(chosen.file), *held_out))
+        drawn = pool.map(draw_crops, range(chosen.scenes), chunksize=4)
+    scenes = np.repeat(np.arange(chosen.scenes), [len(crops) for crops in drawn])
+    crops = Crop(
+        *(np.array(column) for column in zip(*(crop for crops in drawn for crop in crops), strict=True))
+    )
+    with chosen.file.open("wb") as file:
+        np.savez(
+            file,
+            depth=crops.depth,
+            known=crops.known,
+            foreground=crops.foreground,
+            people=crops.people,
+            scenes=scenes,
+        )
+    print(f"{len(scenes)} crops")
     return 0
 
 
-def draw_offsets() -> NDArray[np.float32]:
-    """Pairs (F, 2, 2) of places around a pixel, metres; half of the second places are the pixel itself."""
-    rng = np.random.default_rng(SEED)
-    far = NEAREST_M * (FARTHEST_M / NEAREST_M) ** rng.random((FEATURES, 2))
-    angles = 2.0 * np.pi * rng.random((FEATURES, 2))
-    offsets = np.stack([far * np.cos(angles), far * np.sin(angles)], axis=-1)
-    offsets[rng.random(FEATURES) < 0.5, 1] = 0.0
-    return offsets.astype(np.float32)
-
-
-def draw_pixels(nth: int) -> tuple[NDArray[np.float16], Mask]:
-    """Features (P, F) of pixels of one scene, and which of them (P,) show people."""
+def draw_crops(nth: int) -> list[Crop]:
+    """The crops of one scene."""
     rng = np.random.default_rng([SEED, nth])
-    values, labels = [np.empty((0, FEATURES), np.float16)], [np.empty(0, np.bool_)]
-    for image in draw_images(rng):
-        pixels, people = pick(image, rng)
-        depth, offsets = image.depth.astype(np.float32), draw_offsets() * np.float32(image.camera.fx)
-        values.append(describe(depth, pixels, offsets, LIMIT_M).astype(np.float16))
-        labels.append(people)
-    return np.concatenate(values), np.concatenate(labels)
+    return [
+        crop_around(component, foreground, image, rng)
+        for image in draw_images(rng)
+        for foreground in [draw_foreground(image, rng)]
+        for component in large_components(image)
+    ]
 
 
-def pick(image: LabelledImage, rng: np.random.Generator) -> tuple[Indices, Mask]:
-    """Flat indices (P,) of pixels, and which of them (P,) show people."""
-    picked = list[Indices]()
-    for name, count in DRAWN.items():
-        possible = np.flatnonzero(getattr(image, name))
-        picked.append(rng.choice(possible, min(count, len(possible)), replace=False))
-    pixels = np.concatenate(picked)
-    return pixels, image.people.ravel()[pixels]
+def draw_foreground(image: LabelledImage, rng: np.random.Generator) -> Mask:
+    """People and things (H, W), in some images with a part of the room."""
+    foreground = (image.people | image.furniture) & (image.depth > 0.0)
+    if rng.random() < ROOM_SHARE and image.room.any():
+        along = np.tensordot(rng.normal(size=2), np.indices(image.depth.shape), axes=1)
+        beyond = along > np.quantile(along[image.room], rng.uniform(0.5, 0.95))
+        foreground |= image.room & beyond & (image.depth > 0.0)
+    return foreground
 
 
-def train(values: NDArray[np.float16], labels: Mask, file: Path) -> None:
-    """Train with features (P, F) and labels (P,), and write the forest."""
-    from sklearn.ensemble import RandomForestClassifier  # type: ignore[import-not-found, unused-ignore]
-
-    forest = RandomForestClassifier(
-        n_estimators=10,
-        max_depth=16,
-        min_samples_leaf=30,
-        max_features=40,
-        max_samples=0.5,
-        n_jobs=-1,
-        random_state=SEED,
-    )
-    forest.fit(values.astype(np.float32), labels)
-    PixelForest.of(draw_offsets(), LIMIT_M, [flattened(one.tree_) for one in forest.estimators_]).save(file)
+def large_components(image: LabelledImage) -> Iterator[Indices]:
+    """The pixels (P, 2), rows and columns, of the largest components of people and things."""
+    camera, limits, depth = image.camera, SETTINGS.segmentation, image.depth.astype(np.float32)
+    noise = noise_of(SETTINGS.noise.usual_growth_m, SETTINGS.noise)
+    free = (image.people | image.furniture) & (depth > 0.0)
+    labels = label_parts(depth, free, limits.step_m, limits.step_m, noise, camera.fx)
+    areas, _ = measure_components(labels, depth, camera.fx, camera.fy)
+    for label in np.argsort(-areas)[:LARGEST_COMPONENTS].tolist():
+        if areas[label] >= limits.min_person_m2:
+            yield np.argwhere(labels == label)
 
 
-def flattened(tree: Any) -> tuple[Indices, Array, Array]:
-    """Features (N,), -1 at leaves, thresholds (N,) and shares of people (N,) of nodes, breadth first."""
-    order, n = [0], 0
-    while n < len(order):
-        if tree.children_left[order[n]] >= 0:
-            order += [tree.children_left[order[n]], tree.children_right[order[n]]]
-        n += 1
-    nodes = np.array(order)
-    counts = tree.value[nodes, 0]
-    inner = tree.children_left[nodes] >= 0
-    return np.where(inner, tree.feature[nodes], -1), tree.threshold[nodes], counts[:, 1] / counts.sum(axis=1)
-
-
-def report(forest: PixelForest, values: NDArray[np.float16], labels: Mask) -> str:
-    """Shares of the pixels of people and of things that are taken for people."""
-    shares, lines = forest.shares_by(values.astype(np.float32)), list[str]()
-    for limit in LIMITS:
-        people, things = (100.0 * np.mean(shares[which] > limit) for which in (labels, ~labels))
-        lines.append(f"above {limit}: {people:.1f} % of the people, {things:.1f} % of the things")
-    return "\n".join(lines)
+def crop_around(component: Indices, foreground: Mask, image: LabelledImage, rng: np.random.Generator) -> Crop:
+    """The crop around the pixels (P, 2) of a component, moved, turned and scaled a little."""
+    middle_m = float(np.median(image.depth[tuple(component.T)])) * np.exp(rng.uniform(-SCALED, SCALED))
+    step = CELL_M * image.camera.fx / middle_m
+    centre = 0.5 * (component.min(axis=0) + component.max(axis=0))
+    centre = centre + step * rng.uniform(-MOVED_CELLS, MOVED_CELLS, 2)
+    angle = np.radians(rng.normal(0.0, TURNED_DEG))
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    grid = grid_at(centre, step * turn, np.array([MIN_CELLS, MIN_CELLS]))
+    depth, known, inside = sample(image.depth.astype(np.float32), foreground, grid, middle_m)
+    people = sample(image.depth.astype(np.float32), image.people, grid, middle_m)[2]
+    return Crop(depth.astype(np.float16), known > 0.0, inside > 0.0, (people > 0.0) & (inside > 0.0))
 
 
 if __name__ == "__main__":

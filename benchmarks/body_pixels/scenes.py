@@ -39,7 +39,9 @@ SAME_M = 0.01  # a surface that is this much behind is not the one that is seen
 SEATED_SHARE = 0.55  # of people who use furniture; the others are in any pose near it
 DRESSED_SHARE = 0.6
 OTHERS_SHARE = 0.3  # of people beside whom there is another one
-THICKEST_M = 0.05  # of clothes
+THICKEST_M = 0.05  # of clothes, on each link
+FOLDS, FOLD_M, FOLD_WIDTH_M = 20, 0.015, (0.04, 0.2)  # most, deviation of their height, and their width
+PILE_SHARE, PILE = 0.3, (6, 25)  # of scenes with a pile of small things, and their number
 VIEWS = 2  # images of a scene
 
 
@@ -142,6 +144,8 @@ def any_person(rng: np.random.Generator) -> BodyModel:
 def draw_clutter(person: Posed, rng: np.random.Generator) -> Iterator[Part]:
     """Up to four things that stand, lie or hang beside a person, or touch one: boxes, cushions, posts."""
     low, high = person.vertices[-1].min(axis=0), person.vertices[-1].max(axis=0)
+    if rng.random() < PILE_SHARE:
+        yield from draw_pile(low, high, rng)
     for _ in range(rng.integers(5)):
         wide, deep = rng.uniform(0.05, 0.8, 2)
         bottom = rng.choice([0.0, rng.uniform(0.0, 1.4)])
@@ -162,6 +166,22 @@ def draw_clutter(person: Posed, rng: np.random.Generator) -> Iterator[Part]:
             yield post(0.5 * (x[0] + x[1]), 0.5 * (z[0] + z[1]), (bottom, top))
 
 
+def draw_pile(low: Array, high: Array, rng: np.random.Generator) -> Iterator[Part]:
+    """Small things close together, as on a desk or in shelves, beside a person between these corners (3,)."""
+    around, far = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.2, 1.0)
+    middle = 0.5 * (low + high) + 0.5 * (high - low + 2.0 * far) * np.array(
+        [np.sin(around), 0.0, np.cos(around)]
+    )
+    spread, top = rng.uniform(0.1, 0.5, 2), rng.uniform(0.5, 2.0)
+    for _ in range(rng.integers(*PILE)):
+        x, z = middle[[0, 2]] + spread * rng.uniform(-1.0, 1.0, 2)
+        wide, deep, tall = 0.5 * np.exp(rng.uniform(np.log(0.03), np.log(0.5), 3))
+        y = rng.uniform(0.0, top)
+        sides = (x - wide, x + wide), (z - deep, z + deep), (max(0.0, y - tall), y + tall)
+        kind = rng.random()
+        yield block(*sides) if kind < 0.5 else cushion(*sides) if kind < 0.8 else post(x, z, sides[2])
+
+
 def cushion(x: Range, z: Range, height: Range) -> Part:
     """A rounded thing: an ellipsoid in the box of these sides."""
     ring = circle(1.0)
@@ -173,16 +193,29 @@ def cushion(x: Range, z: Range, height: Range) -> Part:
 
 
 def dressed(person: Posed, rng: np.random.Generator) -> Surface:
-    """The last surface of a person, most of them with clothes: up to 5 cm thick, or a skirt to any length."""
+    """The last surface of a person, most of them with clothes, with folds, or a skirt to any length."""
     vertices, triangles = person.vertices[-1], person.model.triangles
     if rng.random() > DRESSED_SHARE:
         return vertices, triangles
-    parts = [(vertices + rng.uniform(0.0, THICKEST_M) * vertex_normals(vertices, triangles), triangles)]
-    if rng.random() < 0.4:
+    thickness = draw_thickness(person, rng)
+    parts = [(vertices + thickness[:, None] * vertex_normals(vertices, triangles), triangles)]
+    if rng.random() < 0.3:
         covered = ("pelvis", "thigh") if rng.random() < 0.5 else ("pelvis", *LEG_LINKS)
         hull = trimesh.convex.convex_hull(person.surface(*covered)[-1])
         parts.append((np.asarray(hull.vertices), np.asarray(hull.faces)))
     return stacked(parts)
+
+
+def draw_thickness(person: Posed, rng: np.random.Generator) -> Array:
+    """The thickness (V,) of clothes, metres: another on each link, and with folds."""
+    model, vertices = person.model, person.vertices[-1]
+    of_links = THICKEST_M * rng.random() * rng.uniform(0.2, 1.0, int(model.skin_links.max()) + 1)
+    thickness = np.sum(model.skin_weights * of_links[model.skin_links], axis=1)
+    for _ in range(rng.integers(FOLDS + 1)):
+        off = vertices - vertices[rng.integers(len(vertices))]
+        width_m = rng.uniform(*FOLD_WIDTH_M)
+        thickness += rng.normal(0.0, FOLD_M) * np.exp(-0.5 * np.sum(off**2, axis=1) / width_m**2)
+    return np.asarray(np.maximum(thickness, 0.0))
 
 
 def stacked(surfaces: list[Surface]) -> Surface:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -20,10 +20,8 @@ from gepf.common.body import BodyModel
 from gepf.common.frame import SubjectFrame
 from gepf.common.settings import RefineSettings
 from gepf.coordinator.bodies.angles import Angles
+from gepf.coordinator.bodies.pixels import BodyNetwork
 from gepf.coordinator.bodies.tracked import activate_at, choose_active, name_pose
-
-if TYPE_CHECKING:  # reports do not need it
-    from gepf.coordinator.bodies.pixels import PixelForest
 
 SIZES = 64  # bodies that are kept
 EXTENT_POSES = 30  # in which the extents of a body are measured
@@ -102,7 +100,7 @@ class BodyFamily(ABC):
     zero: ClassVar[str] = "Zero and signs are the model's."
     """What angles of zero mean, for readers."""
 
-    def pixel_forest(self) -> PixelForest | None:
+    def body_network(self) -> BodyNetwork | None:
         """What tells pixels of its bodies from those of things that touch them; None if nothing does."""
         return None
 

@@ -1,177 +1,169 @@
-"""How likely a pixel shows a body rather than a thing, from the shape of the surface around it.
+"""Which pixels of the foreground show a body rather than a thing.
 
-Furniture touches the people who use it, so steps in depth do not separate them. A random forest does: it
-compares the depths at pairs of places around a pixel, whose distances from it are in metres (J. Shotton et
-al., Real-time human pose recognition in parts from single depth images, CVPR 2011).
+Furniture touches the people who use it, so steps in depth do not separate them. A small convolutional network
+does, a U-Net (O. Ronneberger et al., U-Net: convolutional networks for biomedical image segmentation, MICCAI
+2015). It sees the depth around a component of the foreground on an upright grid of 3 cm, and which cells are
+foreground.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.camera import Intrinsics
-from gepf.common.compiling import numba
 
 Depth = NDArray[np.float32]
-Nodes = tuple[Indices, Array, Array]
-"""Features (N,), -1 at leaves, thresholds (N,) and shares of bodies (N,) of a tree's nodes, breadth first."""
+Image = NDArray[np.float32]
+"""Channels of an image (C, H, W)."""
 
-SHARE_UNITS = 255  # shares are stored as multiples of 1 / 255
-MAX_PIXELS = 1_500  # of a mask that are looked at; the others follow those around them
-SMOOTHED_M = 0.06  # side of the square over which shares are averaged
+CELL_M = 0.03
+REACH_M = 1.5  # depths are relative to the median of the component, and clipped to it
+MIN_CELLS, MAX_CELLS = 80, 160  # along each side of a grid
+MARGIN_CELLS = 8  # around the component
+POOLED = 8  # cells along a side of which the network makes one; sides are multiples of it
 MIN_DOWN = 0.1  # less of the direction down is in the image of a camera that looks straight down
-LIKELY = 0.5  # mean share around a pixel of a body
+BLOCKS = (2, 1, 1)  # convolutions before each pooling
+AT_BOTTOM = 2  # convolutions after the last pooling
 
 
-class Trees(NamedTuple):
-    """Trees with N nodes in all.
+class Layer(NamedTuple):
+    """A convolution of 3 x 3 cells: weights (O, C, 3, 3) and bias (O,)."""
 
-    roots: (T,) nodes. features: (N,), -1 at a leaf. thresholds: (N,) metres, up to which the left child
-    follows. left: (N,) the left child; the right one is the next node. shares: (N,) of the pixels at a leaf
-    that show a body.
+    weights: NDArray[np.float32]
+    bias: NDArray[np.float32]
+
+
+class Grid(NamedTuple):
+    """Cells of an image: rows and columns (H, W) of the pixels at their middles, not rounded.
+
+    centre: (2,) the row and column in the middle. to_cells: (2, 2) from rows and columns to cells.
     """
 
-    roots: NDArray[np.int32]
-    features: NDArray[np.int16]
-    thresholds: NDArray[np.float32]
-    left: NDArray[np.int32]
-    shares: NDArray[np.float32]
+    rows: Array
+    columns: Array
+    centre: Array
+    to_cells: Array
+
+    def cells_of(self, pixels: Indices | Array) -> Indices:
+        """The nearest cells (2, P) of pixels (P, 2), rows and columns; those outside get the nearest one."""
+        shape = np.array(self.rows.shape)[:, None]
+        cells = self.to_cells @ (pixels - self.centre).T + 0.5 * (shape - 1)
+        return np.asarray(np.clip(np.rint(cells), 0, shape - 1).astype(np.int64))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PixelForest:
-    """A forest and its features.
+class BodyNetwork:
+    """The network: the convolutions from the image down to the smallest grid and up again, and the last one.
 
-    offsets: (F, 2, 2) the pair of places of each feature, to the right and down from the pixel, metres.
-    limit_m: differences of depth are clipped to it, and a missing depth counts as that far behind.
+    last: weights (C,) and bias of the log odds of a cell.
     """
 
-    offsets: NDArray[np.float32]
-    limit_m: float
-    trees: Trees
+    layers: tuple[Layer, ...]
+    last: tuple[NDArray[np.float32], float]
 
     @classmethod
-    def of(cls, offsets: NDArray[np.float32], limit_m: float, nodes: Sequence[Nodes]) -> PixelForest:
-        """The forest of trees with these nodes; shares are rounded as in its file."""
-        sizes = [len(features) for features, _, _ in nodes]
-        features, thresholds, shares = (np.concatenate(column) for column in zip(*nodes, strict=True))
-        roots = np.cumsum([0, *sizes[:-1]])
-        inner_before = [np.cumsum(of_tree >= 0) - (of_tree >= 0) for of_tree, _, _ in nodes]
-        left = np.repeat(roots, sizes) + 1 + 2 * np.concatenate(inner_before)
-        trees = Trees(
-            roots.astype(np.int32),
-            features.astype(np.int16),
-            thresholds.astype(np.float32),
-            left.astype(np.int32),
-            np.rint(SHARE_UNITS * shares).astype(np.float32) / SHARE_UNITS,
-        )
-        return cls(offsets.astype(np.float32), limit_m, trees)
-
-    @classmethod
-    def load(cls, path: Path) -> PixelForest:
-        """Read the file of a forest."""
+    def load(cls, path: Path) -> BodyNetwork:
+        """Read the file of a network: arrays of half precision, two for each layer, in order."""
         with np.load(path) as file:
-            columns = file["features"], file["thresholds"], file["shares"] / SHARE_UNITS
-            ends = np.cumsum(file["sizes"])[:-1]
-            nodes = list(zip(*(np.split(column, ends) for column in columns), strict=True))
-            return cls.of(file["offsets"], float(file["limit_m"]), nodes)
+            arrays = [file[name].astype(np.float32) for name in file.files]
+        *layers, last = zip(arrays[::2], arrays[1::2], strict=True)
+        return cls(tuple(Layer(*layer) for layer in layers), (last[0].ravel(), float(last[1][0])))
 
-    def save(self, path: Path) -> None:
-        """Write the file of the forest."""
-        trees, shares = self.trees, np.rint(SHARE_UNITS * self.trees.shares)
-        np.savez_compressed(
-            path,
-            offsets=self.offsets,
-            limit_m=self.limit_m,
-            sizes=np.diff([*trees.roots, len(trees.features)]),
-            features=trees.features,
-            thresholds=trees.thresholds,
-            shares=np.where(trees.features < 0, shares, 0).astype(np.uint8),
-        )
-
-    def find_body(self, depth: Depth, camera: Intrinsics, mask: Mask, down: Array) -> Mask:
-        """Those pixels of a mask (H, W) with depth around which most of the surface is that of a body.
+    def find_body(
+        self, depth: Depth, camera: Intrinsics, component: Mask, foreground: Mask, down: Array
+    ) -> Mask:
+        """The pixels of the foreground (H, W) on the grid around a component (H, W) that show a body.
 
         depth: (H, W) metres, 0 where missing. down: (2,) the direction in the image, columns and rows, that
         points down in the room.
         """
-        measured = mask & (depth > 0.0)
-        pixels = np.flatnonzero(measured)
-        if not len(pixels):
-            return measured
-        looked_at = pixels[:: -(-len(pixels) // MAX_PIXELS)]
-        shares, weights = np.zeros(depth.size, np.float32), np.zeros(depth.size, np.float32)
-        shares[looked_at], weights[looked_at] = self.shares_at(depth, camera, looked_at, down), 1.0
-        size = max(1, round(float(SMOOTHED_M * camera.fx / np.median(depth.ravel()[looked_at]))))
-        smooth, weight = (uniform_filter(image.reshape(depth.shape), size) for image in (shares, weights))
-        return np.asarray(measured & (smooth > LIKELY * weight))
+        body, inside = np.zeros(depth.shape, np.bool_), component & (depth > 0.0)
+        if not inside.any():
+            return body
+        middle_m = float(np.median(depth[inside]))
+        grid = grid_around(np.argwhere(inside), CELL_M * camera.fx / middle_m, down)
+        shown = sample(depth, foreground, grid, middle_m)
+        is_body = self.log_odds(shown) > 0.0
+        pixels = np.argwhere(foreground & (depth > 0.0))
+        rows, columns = grid.cells_of(pixels)
+        body[pixels[:, 0], pixels[:, 1]] = is_body[rows, columns]
+        return body
 
-    def shares_at(self, depth: Depth, camera: Intrinsics, pixels: Indices, down: Array) -> Depth:
-        """How likely pixels with depth and flat indices (P,) show a body: the mean shares (P,)."""
-        right, below = (down[1], down[0]) if np.hypot(*down) > MIN_DOWN else (1.0, 0.0)
-        turn = np.array([[right, below], [-below, right]]) / np.hypot(right, below)
-        offsets = (self.offsets @ turn.T).astype(np.float32) * np.float32(camera.fx)
-        return classify(depth, pixels, offsets, self.limit_m, self.trees)
-
-    def shares_by(self, values: NDArray[np.float32]) -> Depth:
-        """The mean shares (P,) for features (P, F)."""
-        trees, pixels = self.trees, np.arange(len(values))[:, None]
-        nodes = np.tile(trees.roots, (len(values), 1))
-        while (inner := trees.features[nodes] >= 0).any():
-            right = values[pixels, trees.features[nodes]] > trees.thresholds[nodes]
-            nodes = np.where(inner, trees.left[nodes] + right, nodes)
-        return np.asarray(trees.shares[nodes].mean(axis=1))
-
-
-@numba.njit(cache=True, nogil=True)
-def describe(depth: Depth, pixels: Indices, offsets: NDArray[np.float32], limit: float) -> Depth:
-    """Features (P, F) of pixels with flat indices (P,), metres; offsets in pixels times metres."""
-    values = np.empty((len(pixels), len(offsets)), dtype=np.float32)
-    for n in range(len(pixels)):
-        for feature in range(len(offsets)):
-            values[n, feature] = difference(depth, pixels[n], offsets[feature], limit)
-    return values
+    def log_odds(self, image: Image) -> Depth:
+        """The log odds (H, W) that cells of an image (3, H, W) show a body; see `sample`."""
+        layers, kept = iter(self.layers), list[Image]()
+        for count in BLOCKS:
+            for _ in range(count):
+                image = convolve(image, next(layers))
+            kept.append(image)
+            image = halve(image)
+        for _ in range(AT_BOTTOM):
+            image = convolve(image, next(layers))
+        for layer in layers:
+            doubled = image.repeat(2, axis=1).repeat(2, axis=2)
+            image = convolve(np.concatenate([doubled, kept.pop()]), layer)
+        weights, bias = self.last
+        return np.asarray(np.tensordot(weights, image, axes=1) + np.float32(bias))
 
 
-@numba.njit(cache=True, nogil=True)
-def classify(
-    depth: Depth, pixels: Indices, offsets: NDArray[np.float32], limit: float, trees: Trees
-) -> Depth:
-    """The mean shares (P,) of the leaves that pixels with flat indices (P,) reach."""
-    shares = np.empty(len(pixels), dtype=np.float32)
-    for n in range(len(pixels)):
-        total = 0.0
-        for root in trees.roots:
-            node = root
-            while trees.features[node] >= 0:
-                value = difference(depth, pixels[n], offsets[trees.features[node]], limit)
-                node = trees.left[node] + (1 if value > trees.thresholds[node] else 0)
-            total += trees.shares[node]
-        shares[n] = total / len(trees.roots)
-    return shares
+def grid_around(pixels: Indices, step: float, down: Array) -> Grid:
+    """The upright grid around pixels (P, 2), rows and columns, with cells of `step` pixels."""
+    right, below = (down[1], down[0]) if np.hypot(*down) > MIN_DOWN else (1.0, 0.0)
+    turn = np.array([[right, -below], [below, right]]) / np.hypot(right, below)
+    upright = pixels @ turn
+    low, high = upright.min(axis=0), upright.max(axis=0)
+    sides = np.ceil(((high - low) / step + 2 * MARGIN_CELLS) / POOLED).astype(int) * POOLED
+    return grid_at(turn @ (0.5 * (low + high)), step * turn, np.clip(sides, MIN_CELLS, MAX_CELLS))
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def difference(depth: Depth, pixel: int, pair: NDArray[np.float32], limit: float) -> np.float32:
-    """How much deeper the first place of a pair is than the second one."""
-    return behind(depth, pixel, pair[0], limit) - behind(depth, pixel, pair[1], limit)
+def grid_at(centre: Array, to_pixels: Array, sides: Indices) -> Grid:
+    """The grid with this middle (2,), `to_pixels` (2, 2) from cells to rows and columns, and sides (2,)."""
+    high, wide = sides.tolist()
+    row, column = np.indices((high, wide)) - 0.5 * (sides[:, None, None] - 1)
+    rows, columns = (each[0] * row + each[1] * column for each in to_pixels.tolist())
+    return Grid(rows + centre[0], columns + centre[1], centre, np.asarray(np.linalg.inv(to_pixels)))
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def behind(depth: Depth, pixel: int, offset: NDArray[np.float32], limit: float) -> np.float32:
-    """How much deeper a place is than the pixel, clipped; the limit where depth is missing."""
-    rows, columns = depth.shape
-    row, column = pixel // columns, pixel % columns
-    z = depth[row, column]
-    r, c = row + int(np.rint(offset[1] / z)), column + int(np.rint(offset[0] / z))
-    if not (0 <= r < rows and 0 <= c < columns) or not depth[r, c] > 0.0:
-        return np.float32(limit)
-    return min(np.float32(limit), max(np.float32(-limit), depth[r, c] - z))
+def sample(depth: Depth, foreground: Mask, grid: Grid, middle_m: float) -> Image:
+    """What cells show (3, H, W): depth relative to the middle, whether it is known, whether it is foreground.
+
+    Depth is in metres, clipped, and 0 where it is missing.
+    """
+    rows, columns = np.rint(grid.rows).astype(int), np.rint(grid.columns).astype(int)
+    in_image = (rows >= 0) & (rows < depth.shape[0]) & (columns >= 0) & (columns < depth.shape[1])
+    rows, columns = np.where(in_image, rows, 0), np.where(in_image, columns, 0)
+    z = np.where(in_image, depth[rows, columns], 0.0)
+    known = z > 0.0
+    relative = np.where(known, np.clip(z - middle_m, -REACH_M, REACH_M), 0.0)
+    return np.stack([relative, known, in_image & foreground[rows, columns]]).astype(np.float32)
+
+
+def convolve(image: Image, layer: Layer) -> Image:
+    """The layer's convolution (O, H, W) of an image (C, H, W), 0 beyond the border, without negative values.
+
+    On the flattened image with a border, each of the nine weights of a channel belongs to one shift. The two
+    columns of the border are cut off at the end.
+    """
+    channels, height, width = image.shape
+    wide = width + 2
+    bordered = np.zeros((channels, height + 3, wide), np.float32)
+    bordered[:, 1 : height + 1, 1 : width + 1] = image
+    flat, length = bordered.reshape(channels, -1), height * wide
+    result = np.repeat(layer.bias[:, None], length, axis=1)
+    for row in range(3):
+        for column in range(3):
+            start = row * wide + column
+            result += layer.weights[:, :, row, column] @ flat[:, start : start + length]
+    return np.maximum(result.reshape(-1, height, wide)[:, :, :width], 0.0)
+
+
+def halve(image: Image) -> Image:
+    """The largest value of each 2 x 2 cells: an image (C, H / 2, W / 2)."""
+    channels, height, width = image.shape
+    return np.asarray(image.reshape(channels, height // 2, 2, width // 2, 2).max(axis=(2, 4)))

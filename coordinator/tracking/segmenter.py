@@ -12,12 +12,20 @@ import numpy as np
 from gepf.common.arrays import Array, Mask
 from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
-from gepf.coordinator.bodies.pixels import PixelForest
+from gepf.coordinator.bodies.pixels import BodyNetwork
 from gepf.coordinator.colour.matching import Keypoints, with_keypoints
 from gepf.coordinator.scene.candidates import Candidate, area_of, find_candidates, has_moved
 from gepf.coordinator.scene.duplicates import evidence_of, find_duplicates
 from gepf.coordinator.scene.planes import Planes
-from gepf.coordinator.scene.scene import NO_POINTS, Depth, Scene, SceneChange, SceneChanges, SceneView
+from gepf.coordinator.scene.scene import (
+    FOREGROUND,
+    NO_POINTS,
+    Depth,
+    Scene,
+    SceneChange,
+    SceneChanges,
+    SceneView,
+)
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.scene.segmentation import (
     Points,
@@ -38,7 +46,7 @@ class PersonMasks(NamedTuple):
     """The masks of an untracked person in one image.
 
     hypotheses: from the narrowest to the widest. body: the pixels of the widest one that look like a body;
-    None without a forest, or if they are too few for a body.
+    None without a network, or if they are too few for a body.
     """
 
     hypotheses: tuple[MaskedView, ...]
@@ -225,10 +233,10 @@ class Segmenter:
         points: int,
         settings: SceneSettings,
         scope: Scope | None = None,
-        forest: PixelForest | None = None,
+        network: BodyNetwork | None = None,
     ) -> None:
         self._points, self._settings = points, settings
-        self._scope, self._forest = scope or Scope(), forest
+        self._scope, self._network = scope or Scope(), network
         self._scenes = dict[str, Scene]()
 
     def restore(self, changes: SceneChanges) -> None:
@@ -388,7 +396,7 @@ class Segmenter:
         # colour tells which of several candidates is a person
         count = 1 if len(expected.bodies) == 1 and image.colours is None else None
         chosen = self._scope.of(image.camera).choose(view, candidates)[:count]
-        return tuple(mask_candidate(image, view, person, near_bodies, self._forest) for person in chosen)
+        return tuple(mask_candidate(image, view, person, near_bodies, self._network) for person in chosen)
 
     def _join_people(
         self, frame: Frame, masks_by_image: Sequence[Sequence[PersonMasks]]
@@ -441,24 +449,25 @@ def segment_bodies(
 
 
 def mask_candidate(
-    image: View, view: SceneView, person: Candidate, near_bodies: Mask, forest: PixelForest | None = None
+    image: View, view: SceneView, person: Candidate, near_bodies: Mask, network: BodyNetwork | None = None
 ) -> PersonMasks:
     """The masks of a candidate in an image; `near_bodies` (H, W) are the pixels near tracked bodies.
 
-    Without a forest, it is not known which of the pixels look like a body.
+    Without a network, it is not known which of the pixels look like a body.
     """
     masks = [person.mask, *person.wider]
-    if (body := body_pixels(view, person.widest, forest)) is not None:
+    if (body := body_pixels(view, person.widest, network)) is not None:
         masks.insert(0, body)
     masked = tuple(masked_view(image, view, each) for each in segment_masks(view, masks, near_bodies))
     return PersonMasks(masked) if body is None else PersonMasks(masked[1:], masked[0])
 
 
-def body_pixels(view: SceneView, mask: Mask, forest: PixelForest | None) -> Mask | None:
-    """The pixels of a mask (H, W) that look like a body to the forest; None if they are too few for one."""
-    if forest is None:
+def body_pixels(view: SceneView, mask: Mask, network: BodyNetwork | None) -> Mask | None:
+    """The pixels of a mask (H, W) that look like a body to the network; None if they are too few for one."""
+    if network is None:
         return None
-    body = forest.find_body(view.depth, view.intrinsics, mask, view.planes.level[1, :2])
+    down = view.planes.level[1, :2]
+    body = mask & network.find_body(view.depth, view.intrinsics, mask, view.marks == FOREGROUND, down)
     area_m2 = area_of(view, points_of(view.depth, view.intrinsics, body))
     return body if area_m2 >= view.settings.segmentation.min_person_m2 else None
 

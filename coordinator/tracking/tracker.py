@@ -105,7 +105,7 @@ class Tracker:
         scene_settings, extents = settings.scene, bodies.family.extents(bodies)
         if extents is not None:
             scene_settings = scene_settings.scaled(*extents)
-        self._segmenter = Segmenter(settings.points, scene_settings, scope, bodies.family.pixel_forest())
+        self._segmenter = Segmenter(settings.points, scene_settings, scope, bodies.family.body_network())
         self._segmenter.restore(state.frame.scene_changes)
         self._keypoint_scheduler = KeypointScheduler(colour, settings.colour)
         self._prepared_cameras, self._prepared_s = state.frame.cameras, state.frame.time_s

@@ -53,7 +53,7 @@ def warm_up(settings: Settings, bodies: Bodies) -> None:
         TargetTracker(IdentityRefiner(), settings, bodies, first_state(bodies, values, settings))
         for values in (start, None, None)
     )
-    segmenter = Segmenter(1, settings.scene, forest=bodies.family.pixel_forest())
+    segmenter = Segmenter(1, settings.scene, network=bodies.family.body_network())
     for number, surface in enumerate((None, tracked.segmentation_surface())):
         room = View(number, number / 30.0, depth, 1000.0, CAMERA)
         segmenter.learn(segmenter.segment(Frame.of(room), [ExpectedSurface(surface)]))

@@ -15,7 +15,7 @@ from gepf.common.frame import SubjectFrame
 from gepf.common.kinematics import joint_positions, pose_vertices
 from gepf.common.refinement import Particles, Refined
 from gepf.coordinator.bodies.family import Bodies
-from gepf.coordinator.bodies.human.people import people_pixels
+from gepf.coordinator.bodies.human.people import people_network
 from gepf.coordinator.bodies.human.shape_space import Size
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.mechanisms import MECHANISMS
@@ -119,7 +119,8 @@ def test_the_front_of_a_seat_is_not_taken_for_a_part_of_the_person() -> None:
     depth = np.where(box & (view.depth == 0), np.uint16(front * view.depth_scale), view.depth)
     whole = changed(frame, depth=depth)
     metres, camera = whole.views[0].metres(), whole.views[0].intrinsics
-    own = people_pixels().find_body(metres.astype(np.float32), camera, depth > 0, np.array([0.0, 1.0]))
+    seen, down = depth > 0, np.array([0.0, 1.0])
+    own = people_network().find_body(metres.astype(np.float32), camera, seen, seen, down)
     body = subject_of(changed(frame, depth=np.where(own, depth, np.uint16(0))), 2_000)
     person = UntrackedPerson(subject_of(whole, 2_000), body=body)
     found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(person, NO_NOISE, Planes()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,16 +21,14 @@ from gepf.coordinator.bodies.human.measures import DEVIATION, Measures
 from gepf.coordinator.bodies.human.shape_space import REFERENCE_STATURE, Size, shape_space
 from gepf.coordinator.bodies.human.template import DEFAULT_ACTIVE, human, human_of
 from gepf.coordinator.bodies.human.typical_poses import people_poses
+from gepf.coordinator.bodies.pixels import BodyNetwork
 from gepf.coordinator.bodies.tracked import choose_active
 from gepf.coordinator.files import read_json
-
-if TYPE_CHECKING:
-    from gepf.coordinator.bodies.pixels import PixelForest
 
 PERSON_SUFFIX = ".json"
 
 PIXELS_FILE = Path(__file__).with_name("pixels.npz")
-"""The forest that tells people from things; `python -m benchmarks.body_pixels` trained it."""
+"""The network that tells people from things; `benchmarks/body_pixels/train.py` trained it."""
 
 SPINE = ("vl3_tilt", "vl3_roll", "vl3_torsion", "vc7_tilt")
 """One joint of the lower back and one of the neck represent all others: people bend, and look down."""
@@ -71,9 +69,9 @@ class People(BodyFamily):
     has_keypoints = True
     zero = "Zero is standing straight with arms hanging; signs mean the same on both sides."
 
-    def pixel_forest(self) -> PixelForest:
-        """The forest that tells people from things."""
-        return people_pixels()
+    def body_network(self) -> BodyNetwork:
+        """The network that tells people from things."""
+        return people_network()
 
     def reads(self, path: Path) -> bool:
         """Whether a file holds a person's measures."""
@@ -198,8 +196,6 @@ PEOPLE = People()
 
 
 @lru_cache(maxsize=1)
-def people_pixels() -> PixelForest:
-    """The forest of `PIXELS_FILE`."""
-    from gepf.coordinator.bodies.pixels import PixelForest
-
-    return PixelForest.load(PIXELS_FILE)
+def people_network() -> BodyNetwork:
+    """The network of `PIXELS_FILE`."""
+    return BodyNetwork.load(PIXELS_FILE)
