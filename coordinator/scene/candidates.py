@@ -1,9 +1,10 @@
 """Candidates for people in a frame, before a body is known.
 
 A candidate is a connected component of the foreground that has the extent and area of a person and, unlike
-furniture, is not flat. Flat furniture that a person touches is cut off. A limb in front may hide the
-connection between two parts of a body. A candidate is therefore merged with parts above or below it, and the
-remaining foreground is divided again, but only at depth steps larger than those between parts of one body.
+furniture, is not flat. Flat furniture that a person touches is cut off; if nothing is left that may be a
+person, what does not look like a body is cut off instead. A limb in front may hide the connection between two
+parts of a body. A candidate is therefore merged with parts above or below it, and the remaining foreground is
+divided again, but only at depth steps larger than those between parts of one body.
 
 A limb may also be separated by a large step, and a flat chest may be taken for furniture. Only a fitted body
 can tell. So a candidate also has wider masks.
@@ -11,7 +12,7 @@ can tell. So a candidate also has wider masks.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +24,9 @@ from gepf.coordinator.scene.flatness import FlatPart, find_flat_part
 from gepf.coordinator.scene.planes import extents
 from gepf.coordinator.scene.scene import FOREGROUND, SceneView
 from gepf.coordinator.scene.segmentation import label_parts, measure_components, reach_of
+
+BodyPixels = Callable[[SceneView, Mask], Mask]
+"""Those pixels of a mask (H, W) that look like a body."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,17 +86,23 @@ class Candidate:
         return self.wider[-1] if self.wider else self.mask
 
 
-def find_candidates(view: SceneView, people_mask: Mask | None = None) -> list[Candidate]:
-    """Candidates for people, best first; pixels (H, W) of tracked people are excluded."""
+def find_candidates(
+    view: SceneView, people_mask: Mask | None = None, body_pixels: BodyPixels | None = None
+) -> list[Candidate]:
+    """Candidates for people, best first; pixels (H, W) of tracked people are excluded.
+
+    Without `body_pixels`, it is not known which pixels look like a body.
+    """
     segmentation, free = view.settings.segmentation, view.marks == FOREGROUND
     if people_mask is not None:
         free &= ~people_mask
-    parts = find_parts(view, free, segmentation.step_m, view.settings.candidates.min_part_m2)
+    parts = find_parts(view, free, segmentation.step_m, view.settings.candidates.min_part_m2, body_pixels)
     candidates = [candidate for part in parts if (candidate := candidate_of(view, part))]
     rest = free.copy()
     for candidate in candidates:
         rest[candidate.part.window] &= ~candidate.part.uncut
-    rest_parts = find_parts(view, rest, reach_of(segmentation), segmentation.min_person_m2)
+    reach_m, min_area_m2 = reach_of(segmentation), segmentation.min_person_m2
+    rest_parts = find_parts(view, rest, reach_m, min_area_m2, body_pixels)
     candidates += [candidate for part in rest_parts if (candidate := candidate_of(view, part))]
     people, taken = list[Candidate](), np.zeros_like(free)
     for candidate in sorted(candidates, key=lambda candidate: -candidate.score):
@@ -103,12 +113,14 @@ def find_candidates(view: SceneView, people_mask: Mask | None = None) -> list[Ca
     return people
 
 
-def find_parts(view: SceneView, free: Mask, step: float, min_area_m2: float) -> list[Part]:
-    """The connected components of pixels (H, W), without flat furniture.
+def find_parts(
+    view: SceneView, free: Mask, step: float, min_area_m2: float, body_pixels: BodyPixels | None
+) -> list[Part]:
+    """The connected components of pixels (H, W), without furniture.
 
     Neighbours are connected if their depths differ by less than `step`, metres. Components with a visible
-    area below `min_area_m2`, and those that are still larger than a person after their flat furniture is cut
-    off, are left out.
+    area below `min_area_m2`, and those that are still larger than a person after furniture is cut off, are
+    left out.
     """
     segmentation = view.settings.segmentation
     labels = label_parts(view.depth, free, step, segmentation.step_m, view.noise, view.intrinsics.fx)
@@ -120,8 +132,32 @@ def find_parts(view: SceneView, free: Mask, step: float, min_area_m2: float) -> 
         window = slice(top, bottom), slice(left, right)
         mask = labels[window] == label
         part = part_of(view, mask, window, mask)
-        parts += cut_off_furniture(view, part) if areas[label] >= segmentation.min_person_m2 else [part]
-    return [part for part in parts if area_of(view, part.points) <= candidate_limits.max_person_m2]
+        if areas[label] < segmentation.min_person_m2:
+            parts.append(part)
+            continue
+        left_over = without_large(view, cut_off_furniture(view, part))
+        if body_pixels is not None and not any(candidate_of(view, smaller) for smaller in left_over):
+            left_over = without_large(view, bodies_of(view, part, body_pixels)) or left_over
+        parts += left_over
+    return parts
+
+
+def without_large(view: SceneView, parts: Sequence[Part]) -> list[Part]:
+    """The parts that are not larger than a person."""
+    max_area_m2 = view.settings.candidates.max_person_m2
+    return [part for part in parts if area_of(view, part.points) <= max_area_m2]
+
+
+def bodies_of(view: SceneView, part: Part, body_pixels: BodyPixels) -> list[Part]:
+    """The parts of a component that look like bodies; the pixels of one are within reach of each other."""
+    whole = np.zeros(view.depth.shape, dtype=np.bool_)
+    part.mark(whole)
+    mask, reach_m = body_pixels(view, whole)[part.window], reach_of(view.settings.segmentation)
+    depth = np.where(mask, view.depth[part.window], np.float32(0.0))
+    labels = label_parts(depth, mask, reach_m, reach_m, view.noise, view.intrinsics.fx)
+    areas, _ = measure_components(labels, depth, view.intrinsics.fx, view.intrinsics.fy)
+    large = np.flatnonzero(areas >= view.settings.segmentation.min_person_m2).tolist()
+    return [part_of(view, labels == label, part.window, part.uncut) for label in large]
 
 
 def area_of(view: SceneView, points: Array) -> float:

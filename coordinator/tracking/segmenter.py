@@ -14,7 +14,7 @@ from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.coordinator.bodies.pixels import BodyNetwork
 from gepf.coordinator.colour.matching import Keypoints, with_keypoints
-from gepf.coordinator.scene.candidates import Candidate, area_of, find_candidates, has_moved
+from gepf.coordinator.scene.candidates import BodyPixels, Candidate, area_of, find_candidates, has_moved
 from gepf.coordinator.scene.duplicates import evidence_of, find_duplicates
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import (
@@ -236,7 +236,8 @@ class Segmenter:
         network: BodyNetwork | None = None,
     ) -> None:
         self._points, self._settings = points, settings
-        self._scope, self._network = scope or Scope(), network
+        self._scope = scope or Scope()
+        self._body_pixels = None if network is None else body_pixels_of(network)
         self._scenes = dict[str, Scene]()
 
     def restore(self, changes: SceneChanges) -> None:
@@ -299,7 +300,7 @@ class Segmenter:
             distances = [measure_distances(view, image.to_camera(body)) for body in tracked]
             near_bodies = nearest_of(view, distances) <= self._settings.segmentation.near_m
             scope = self._scope.of(image.camera)
-            people = scope.choose(view, find_candidates(view, near_bodies))
+            people = scope.choose(view, find_candidates(view, near_bodies, self._body_pixels))
             masks_by_image.append([mask_candidate(image, view, person, near_bodies) for person in people])
         return self._join_people(segmented.frame, masks_by_image)
 
@@ -379,7 +380,7 @@ class Segmenter:
         foreign = mark_foreign(view, nearest, nearest_new)
         foreign_points = points_beside(view, foreign, [body.vertices for body in posed_bodies])
         own, learns_nothing = segment_bodies(expected, surfaces, nearest, foreign)
-        possible = find_candidates(view, near_bodies) if find else []
+        possible = find_candidates(view, near_bodies, self._body_pixels) if find else []
         learns_nothing |= not find and any(body.vertices is None for body in bodies)
         people = self._choose_people(expected, possible, near_bodies)
         moving = [person.widest for person in possible if not rejected or has_moved(view, person)]
@@ -396,7 +397,7 @@ class Segmenter:
         # colour tells which of several candidates is a person
         count = 1 if len(expected.bodies) == 1 and image.colours is None else None
         chosen = self._scope.of(image.camera).choose(view, candidates)[:count]
-        return tuple(mask_candidate(image, view, person, near_bodies, self._network) for person in chosen)
+        return tuple(mask_candidate(image, view, person, near_bodies, self._body_pixels) for person in chosen)
 
     def _join_people(
         self, frame: Frame, masks_by_image: Sequence[Sequence[PersonMasks]]
@@ -449,27 +450,35 @@ def segment_bodies(
 
 
 def mask_candidate(
-    image: View, view: SceneView, person: Candidate, near_bodies: Mask, network: BodyNetwork | None = None
+    image: View, view: SceneView, person: Candidate, near_bodies: Mask, body_pixels: BodyPixels | None = None
 ) -> PersonMasks:
     """The masks of a candidate in an image; `near_bodies` (H, W) are the pixels near tracked bodies.
 
-    Without a network, it is not known which of the pixels look like a body.
+    Without `body_pixels`, it is not known which of the pixels look like a body.
     """
     masks = [person.mask, *person.wider]
-    if (body := body_pixels(view, person.widest, network)) is not None:
+    body = None if body_pixels is None else body_pixels(view, person.widest)
+    if body is not None and is_large(view, body):
         masks.insert(0, body)
-    masked = tuple(masked_view(image, view, each) for each in segment_masks(view, masks, near_bodies))
-    return PersonMasks(masked) if body is None else PersonMasks(masked[1:], masked[0])
+    segmented = segment_masks(view, masks, near_bodies)
+    masked = tuple(masked_view(image, view, each) for each in segmented)
+    return PersonMasks(masked[1:], masked[0]) if len(masked) > 1 + len(person.wider) else PersonMasks(masked)
 
 
-def body_pixels(view: SceneView, mask: Mask, network: BodyNetwork | None) -> Mask | None:
-    """The pixels of a mask (H, W) that look like a body to the network; None if they are too few for one."""
-    if network is None:
-        return None
-    down = view.planes.level[1, :2]
-    body = mask & network.find_body(view.depth, view.intrinsics, mask, view.marks == FOREGROUND, down)
-    area_m2 = area_of(view, points_of(view.depth, view.intrinsics, body))
-    return body if area_m2 >= view.settings.segmentation.min_person_m2 else None
+def is_large(view: SceneView, mask: Mask) -> bool:
+    """Whether pixels (H, W) are enough for a person."""
+    area_m2 = area_of(view, points_of(view.depth, view.intrinsics, mask))
+    return area_m2 >= view.settings.segmentation.min_person_m2
+
+
+def body_pixels_of(network: BodyNetwork) -> BodyPixels:
+    """Finds the pixels that look like a body to a network."""
+
+    def find(view: SceneView, mask: Mask) -> Mask:
+        foreground, down = view.marks == FOREGROUND, view.planes.level[1, :2]
+        return mask & network.find_body(view.depth, view.intrinsics, mask, foreground, down)
+
+    return find
 
 
 def shows_one_body(view: SceneView, body_count: int) -> bool:
