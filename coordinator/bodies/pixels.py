@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.camera import Intrinsics
@@ -75,25 +76,24 @@ class BodyNetwork:
         *layers, last = zip(arrays[::2], arrays[1::2], strict=True)
         return cls(tuple(Layer(*layer) for layer in layers), (last[0].ravel(), float(last[1][0])))
 
-    def find_body(
+    def probabilities(
         self, depth: Depth, camera: Intrinsics, component: Mask, foreground: Mask, down: Array
-    ) -> Mask:
-        """The pixels of the foreground (H, W) on the grid around a component (H, W) that show a body.
+    ) -> Depth:
+        """How likely pixels of the foreground (H, W) show a body, from 0 to 1; 0 for all other pixels.
 
-        depth: (H, W) metres, 0 where missing. down: (2,) the direction in the image, columns and rows, that
-        points down in the room.
+        depth: (H, W) metres, 0 where missing. component: (H, W) pixels in the middle of the grid. down: (2,)
+        the direction in the image, columns and rows, that points down in the room.
         """
-        body, inside = np.zeros(depth.shape, np.bool_), component & (depth > 0.0)
+        result, inside = np.zeros(depth.shape, np.float32), component & (depth > 0.0)
         if not inside.any():
-            return body
+            return result
         middle_m = float(np.median(depth[inside]))
         grid = grid_around(np.argwhere(inside), CELL_M * camera.fx / middle_m, down)
-        shown = sample(depth, foreground, grid, middle_m)
-        is_body = self.log_odds(shown) > 0.0
+        of_cells = expit(self.log_odds(sample(depth, foreground, grid, middle_m)))
         pixels = np.argwhere(foreground & (depth > 0.0))
         rows, columns = grid.cells_of(pixels)
-        body[pixels[:, 0], pixels[:, 1]] = is_body[rows, columns]
-        return body
+        result[pixels[:, 0], pixels[:, 1]] = of_cells[rows, columns]
+        return result
 
     def log_odds(self, image: Image) -> Depth:
         """The log odds (H, W) that cells of an image (3, H, W) show a body; see `sample`."""

@@ -2,7 +2,7 @@
 
 A candidate is a connected component of the foreground that has the extent and area of a person and, unlike
 furniture, is not flat. Flat furniture that a person touches is cut off; if nothing is left that may be a
-person, what does not look like a body is cut off instead. A limb in front may hide the connection between two
+person, all but what surely is a body is cut off instead. A limb in front may hide the connection between two
 parts of a body. A candidate is therefore merged with parts above or below it, and the remaining foreground is
 divided again, but only at depth steps larger than those between parts of one body.
 
@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion, minimum_filter
 
 from gepf.common.arrays import Array, Mask
@@ -25,8 +26,11 @@ from gepf.coordinator.scene.planes import extents
 from gepf.coordinator.scene.scene import FOREGROUND, SceneView
 from gepf.coordinator.scene.segmentation import label_parts, measure_components, reach_of
 
-BodyPixels = Callable[[SceneView, Mask], Mask]
-"""Those pixels of a mask (H, W) that look like a body."""
+BodyPixels = Callable[[SceneView, Mask], NDArray[np.float32]]
+"""How likely the pixels of a mask (H, W) show a body, from 0 to 1; 0 for all others."""
+
+LIKELY = 0.5  # probability above which a pixel is taken for one of a body
+SURE = 0.9  # mean probability of such pixels that is enough where flat parts leave nobody
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +95,7 @@ def find_candidates(
 ) -> list[Candidate]:
     """Candidates for people, best first; pixels (H, W) of tracked people are excluded.
 
-    Without `body_pixels`, it is not known which pixels look like a body.
+    Without `body_pixels`, it is not known which pixels may show a body.
     """
     segmentation, free = view.settings.segmentation, view.marks == FOREGROUND
     if people_mask is not None:
@@ -149,15 +153,17 @@ def without_large(view: SceneView, parts: Sequence[Part]) -> list[Part]:
 
 
 def bodies_of(view: SceneView, part: Part, body_pixels: BodyPixels) -> list[Part]:
-    """The parts of a component that look like bodies; the pixels of one are within reach of each other."""
+    """The parts of a component that surely are bodies; the pixels of one are within reach of each other."""
     whole = np.zeros(view.depth.shape, dtype=np.bool_)
     part.mark(whole)
-    mask, reach_m = body_pixels(view, whole)[part.window], reach_of(view.settings.segmentation)
+    likely, reach_m = body_pixels(view, whole)[part.window], reach_of(view.settings.segmentation)
+    mask = likely > LIKELY
     depth = np.where(mask, view.depth[part.window], np.float32(0.0))
     labels = label_parts(depth, mask, reach_m, reach_m, view.noise, view.intrinsics.fx)
     areas, _ = measure_components(labels, depth, view.intrinsics.fx, view.intrinsics.fy)
     large = np.flatnonzero(areas >= view.settings.segmentation.min_person_m2).tolist()
-    return [part_of(view, labels == label, part.window, part.uncut) for label in large]
+    sure = [label for label in large if np.mean(likely[labels == label]) > SURE]
+    return [part_of(view, labels == label, part.window, part.uncut) for label in sure]
 
 
 def area_of(view: SceneView, points: Array) -> float:

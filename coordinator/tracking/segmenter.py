@@ -14,7 +14,14 @@ from gepf.common.camera import points_of
 from gepf.common.frame import Frame, SubjectFrame, View
 from gepf.coordinator.bodies.pixels import BodyNetwork
 from gepf.coordinator.colour.matching import Keypoints, with_keypoints
-from gepf.coordinator.scene.candidates import BodyPixels, Candidate, area_of, find_candidates, has_moved
+from gepf.coordinator.scene.candidates import (
+    LIKELY,
+    BodyPixels,
+    Candidate,
+    area_of,
+    find_candidates,
+    has_moved,
+)
 from gepf.coordinator.scene.duplicates import evidence_of, find_duplicates
 from gepf.coordinator.scene.planes import Planes
 from gepf.coordinator.scene.scene import (
@@ -454,10 +461,10 @@ def mask_candidate(
 ) -> PersonMasks:
     """The masks of a candidate in an image; `near_bodies` (H, W) are the pixels near tracked bodies.
 
-    Without `body_pixels`, it is not known which of the pixels look like a body.
+    Without `body_pixels`, it is not known which of the pixels may show a body.
     """
     masks = [person.mask, *person.wider]
-    body = None if body_pixels is None else body_pixels(view, person.widest)
+    body = None if body_pixels is None else body_pixels(view, person.widest) > LIKELY
     if body is not None and is_large(view, body):
         masks.insert(0, body)
     segmented = segment_masks(view, masks, near_bodies)
@@ -472,13 +479,14 @@ def is_large(view: SceneView, mask: Mask) -> bool:
 
 
 def body_pixels_of(network: BodyNetwork) -> BodyPixels:
-    """Finds the pixels that look like a body to a network."""
+    """How likely pixels show a body, as told by a network."""
 
-    def find(view: SceneView, mask: Mask) -> Mask:
+    def probabilities(view: SceneView, mask: Mask) -> Depth:
         foreground, down = view.marks == FOREGROUND, view.planes.level[1, :2]
-        return mask & network.find_body(view.depth, view.intrinsics, mask, foreground, down)
+        found = network.probabilities(view.depth, view.intrinsics, mask, foreground, down)
+        return np.where(mask, found, np.float32(0.0))
 
-    return find
+    return probabilities
 
 
 def shows_one_body(view: SceneView, body_count: int) -> bool:

@@ -139,11 +139,11 @@ def test_turned_camera_sees_the_same(network: BodyNetwork, depth: np.ndarray) ->
     grid = grid_around(np.argwhere(component), 1.4, DOWN)
     middling = float(np.median(network.log_odds(sample(depth, component, grid, 1.5))[30:50, 30:50]))
     network = replace(network, last=(network.last[0], network.last[1] - middling))
-    upright = network.find_body(depth, CAMERA, component, component, DOWN)
+    upright = network.probabilities(depth, CAMERA, component, component, DOWN) > 0.5
     turned = np.ascontiguousarray(np.rot90(depth))  # down is now to the right
     camera = Intrinsics(CAMERA.height, CAMERA.width, 70.0, 70.0, 23.5, 29.5)
     there = np.ascontiguousarray(np.rot90(component))
-    found = network.find_body(turned, camera, there, there, np.array([1.0, 0.0]))
+    found = network.probabilities(turned, camera, there, there, np.array([1.0, 0.0])) > 0.5
     assert 0 < np.count_nonzero(upright) < np.count_nonzero(component & (depth > 0))
     assert np.mean((found == np.rot90(upright))[there]) > 0.95
 
@@ -152,7 +152,7 @@ def test_nothing_measured_is_no_body(network: BodyNetwork) -> None:
     """An image without depth."""
     empty = np.zeros((CAMERA.height, CAMERA.width), np.float32)
     everything = np.ones(empty.shape, np.bool_)
-    assert not network.find_body(empty, CAMERA, everything, everything, DOWN).any()
+    assert not network.probabilities(empty, CAMERA, everything, everything, DOWN).any()
 
 
 def test_people_are_told_from_furniture() -> None:
@@ -161,7 +161,7 @@ def test_people_are_told_from_furniture() -> None:
     for seed in range(12):
         for image in draw_images(np.random.default_rng([1, seed])):
             depth, touching = image.depth.astype(np.float32), image.people | image.furniture
-            body = people_network().find_body(depth, image.camera, touching, touching, DOWN)
+            body = people_network().probabilities(depth, image.camera, touching, touching, DOWN) > 0.5
             people, missed = people + image.people.sum(), missed + (image.people & ~body).sum()
             things, taken = things + image.furniture.sum(), taken + (image.furniture & body).sum()
     assert missed < 0.12 * people

@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gepf.common.arrays import Mask
 from gepf.common.camera import Intrinsics, back_project
-from gepf.common.frame import UNKNOWN
-from gepf.coordinator.scene.candidates import Candidate, find_candidates, has_moved
+from gepf.common.frame import UNKNOWN, View
+from gepf.coordinator.scene.candidates import BodyPixels, Candidate, find_candidates, has_moved
 from gepf.coordinator.scene.flatness import find_flat_part
 from gepf.coordinator.scene.noise import noise_of
-from gepf.coordinator.scene.scene import Scene
+from gepf.coordinator.scene.scene import Scene, SceneView
 from gepf.coordinator.scene.scope import Scope
 from gepf.coordinator.scene.segmentation import measure_distances, segment_body
 from gepf.coordinator.settings import SceneSettings
@@ -106,6 +107,56 @@ def test_nobody_is_found_in_an_empty_room() -> None:
     """Floor, wall and cabinet are no person, and a table hardly one."""
     assert all(each.score < 0.3 for each in found_in(Room((CABINET, TABLE), noise=0.002), None))
     assert found_in(Room((CABINET,), noise=0.002), None) == []
+
+
+def known_to_be(people: Mask, probability: float) -> BodyPixels:
+    """The pixels of people probably show a body, all others do not."""
+
+    def body_pixels(view: SceneView, mask: Mask) -> NDArray[np.float32]:
+        assert (view.depth[mask] > 0.0).all()
+        return np.where(mask & people, np.float32(probability), np.float32(0.1 * mask))
+
+    return body_pixels
+
+
+def children_on_a_bed(*places: float) -> tuple[View, list[Mask]]:
+    """An image of children of 80 cm who lie side by side on a large bed, and the pixels (H, W) of each."""
+    room = Room((((-1.1, 0.6, 1.6), (1.1, HEIGHT, 3.2)),), pitch=0.3, noise=0.001)
+    image = room.see(None).view
+    rays = back_project(np.ones(image.depth.shape), image.intrinsics) @ room.tilt.T
+    parts = (0.0, 0.17, 0.08), (-0.24, 0.1, 0.1), (0.3, 0.18, 0.06)  # trunk, head, legs: place, half axes
+    depths = [
+        np.min(
+            [of_ellipsoid(rays, np.array((x + off, 0.5, 2.3)), np.array((a, 0.1, b))) for off, a, b in parts],
+            axis=0,
+        )
+        for x in places
+    ]
+    nearest = np.min([image.metres(), *depths], axis=0)
+    shown = replace(image, depth=np.rint(1000.0 * nearest).astype(np.uint16))
+    return shown, [depth < image.metres() for depth in depths]
+
+
+@pytest.mark.parametrize("probability", [0.97, 0.7])
+def test_where_flat_parts_leave_nobody_what_surely_is_a_body_is_a_candidate(probability: float) -> None:
+    """A child on a bed is shorter than what is left of a person, and most of the component is flat."""
+    shown, (truth,) = children_on_a_bed(0.0)
+    view = Scene(SceneSettings()).observe(shown)
+    assert find_candidates(view) == []
+    found = find_candidates(view, body_pixels=known_to_be(truth, probability))
+    assert len(found) == (probability > 0.9)
+    for child in found:
+        assert overlap(child.mask, truth) == pytest.approx((1.0, 1.0), abs=0.03)
+        assert np.sum(child.widest & ~truth) > np.sum(truth)  # the bed may be a part of the child
+
+
+def test_two_on_the_same_bed_are_two_candidates() -> None:
+    """Half a metre lies between them."""
+    shown, (left, right) = children_on_a_bed(-0.65, 0.65)
+    view = Scene(SceneSettings()).observe(shown)
+    found = find_candidates(view, body_pixels=known_to_be(left | right, 0.97))
+    assert len(found) == 2
+    assert sorted(round(overlap(one.mask, left)[1]) for one in found) == [0, 1]
 
 
 def test_a_line_of_pixels_has_no_flat_part() -> None:

@@ -120,7 +120,7 @@ def test_the_front_of_a_seat_is_not_taken_for_a_part_of_the_person() -> None:
     whole = changed(frame, depth=depth)
     metres, camera = whole.views[0].metres(), whole.views[0].intrinsics
     seen, down = depth > 0, np.array([0.0, 1.0])
-    own = people_network().find_body(metres.astype(np.float32), camera, seen, seen, down)
+    own = people_network().probabilities(metres.astype(np.float32), camera, seen, seen, down) > 0.5
     body = subject_of(changed(frame, depth=np.where(own, depth, np.uint16(0))), 2_000)
     person = UntrackedPerson(subject_of(whole, 2_000), body=body)
     found = complete(Detector(people(), DirectRefiner(), SETTINGS).detect(person, NO_NOISE, Planes()))
