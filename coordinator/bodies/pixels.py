@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit
 
 from gepf.common.arrays import Array, Indices, Mask
 from gepf.common.camera import Intrinsics
@@ -89,7 +88,7 @@ class BodyNetwork:
             return result
         middle_m = float(np.median(depth[inside]))
         grid = grid_around(np.argwhere(inside), CELL_M * camera.fx / middle_m, down)
-        of_cells = expit(self.log_odds(sample(depth, foreground, grid, middle_m)))
+        of_cells = 0.5 + 0.5 * np.tanh(0.5 * self.log_odds(sample(depth, foreground, grid, middle_m)))
         pixels = np.argwhere(foreground & (depth > 0.0))
         rows, columns = grid.cells_of(pixels)
         result[pixels[:, 0], pixels[:, 1]] = of_cells[rows, columns]
