@@ -2,7 +2,7 @@
 
 It needs only PyTorch and numpy, and no other part of the project. The coordinator computes the network
 without PyTorch (`coordinator/bodies/pixels.py`): the normalisation of a layer becomes part of its weights,
-which are stored with half precision. The last scenes are held out. A quarter of an hour on two cores.
+which are stored with half precision. The last scenes are held out. Twenty minutes on two cores.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("crops", type=Path)
     parser.add_argument("file", type=Path)
-    parser.add_argument("--rounds", type=int, default=16, metavar="N")
+    parser.add_argument("--rounds", type=int, default=10, metavar="N")
     chosen = parser.parse_args()
     torch.manual_seed(SEED)
     rng, crops = np.random.default_rng(SEED), Crops(chosen.crops)

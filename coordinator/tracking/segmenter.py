@@ -463,13 +463,11 @@ def mask_candidate(
 
     Without `body_pixels`, it is not known which of the pixels may show a body.
     """
-    masks = [person.mask, *person.wider]
-    body = None if body_pixels is None else body_pixels(view, person.widest) > LIKELY
-    if body is not None and is_large(view, body):
-        masks.insert(0, body)
-    segmented = segment_masks(view, masks, near_bodies)
+    found = None if body_pixels is None else body_pixels(view, person.widest) > LIKELY
+    body = [found] if found is not None and is_large(view, found) else []
+    segmented = segment_masks(view, [*body, person.mask, *person.wider], near_bodies)
     masked = tuple(masked_view(image, view, each) for each in segmented)
-    return PersonMasks(masked[1:], masked[0]) if len(masked) > 1 + len(person.wider) else PersonMasks(masked)
+    return PersonMasks(masked[len(body) :], masked[0] if body else None)
 
 
 def is_large(view: SceneView, mask: Mask) -> bool:
