@@ -1,4 +1,4 @@
-"""Draws the crops that `train.py` trains its network with: python -m benchmarks.body_pixels CROPS.
+"""Draws the crops that `train.py` trains its network on: python -m benchmarks.body_pixels CROPS.
 
 People of many sizes, most of them dressed, sit, lie, and stand in the poses of the library, with furniture,
 other things and other people beside them. Cameras of three kinds look at them from all sides, from 0.6 to
@@ -34,7 +34,7 @@ LARGEST_COMPONENTS = 3  # of an image
 
 
 class Crop(NamedTuple):
-    """What the network sees (H, W), and which foreground cells (H, W) show people; or N such crops."""
+    """What the network sees (H, W), and which foreground cells (H, W) are people; or N crops as columns."""
 
     depth: NDArray[np.float16]
     known: Mask

@@ -39,7 +39,7 @@ SAME_M = 0.01  # a surface that is this much behind is not the one that is seen
 SEATED_SHARE = 0.55  # of people who use furniture; the others are in any pose near it
 DRESSED_SHARE = 0.6
 OTHERS_SHARE = 0.3  # of people beside whom there is another one
-THICKEST_M = 0.05  # of clothes, on each link
+THICKEST_M = 0.05  # of clothes, without folds
 FOLDS, FOLD_M, FOLD_WIDTH_M = 20, 0.015, (0.04, 0.2)  # most, deviation of their height, and their width
 PILE_SHARE, PILE = 0.3, (6, 25)  # of scenes with a pile of small things, and their number
 VIEWS = 2  # images of a scene
@@ -142,7 +142,7 @@ def any_person(rng: np.random.Generator) -> BodyModel:
 
 
 def draw_clutter(person: Posed, rng: np.random.Generator) -> Iterator[Part]:
-    """Up to four things that stand, lie or hang beside a person, or touch one: boxes, cushions, posts."""
+    """Up to four boxes, cushions and posts that touch a person or are nearby, in some scenes also a pile."""
     low, high = person.vertices[-1].min(axis=0), person.vertices[-1].max(axis=0)
     if rng.random() < PILE_SHARE:
         yield from draw_pile(low, high, rng)
@@ -193,7 +193,7 @@ def cushion(x: Range, z: Range, height: Range) -> Part:
 
 
 def dressed(person: Posed, rng: np.random.Generator) -> Surface:
-    """The last surface of a person, most of them with clothes, with folds, or a skirt to any length."""
+    """The last surface of a person; most wear clothes with folds, some of them a skirt as well."""
     vertices, triangles = person.vertices[-1], person.model.triangles
     if rng.random() > DRESSED_SHARE:
         return vertices, triangles
@@ -207,7 +207,7 @@ def dressed(person: Posed, rng: np.random.Generator) -> Surface:
 
 
 def draw_thickness(person: Posed, rng: np.random.Generator) -> Array:
-    """The thickness (V,) of clothes, metres: another on each link, and with folds."""
+    """The thickness (V,) of clothes, metres: different on each link, and with folds."""
     model, vertices = person.model, person.vertices[-1]
     of_links = THICKEST_M * rng.random() * rng.uniform(0.2, 1.0, int(model.skin_links.max()) + 1)
     thickness = np.sum(model.skin_weights * of_links[model.skin_links], axis=1)

@@ -19,14 +19,14 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 SEED = 80
-WIDTHS = 16, 32, 64  # channels before each pooling, as in pixels.py
+WIDTHS = 16, 32, 64  # channels before each pooling
 UPWARDS = 48, 32, 16  # channels of the layers upwards
 BATCH, FASTEST = 32, 4e-3  # crops; largest rate of learning
 HELD_OUT = 0.07
 FLIPPED, NOISY, WITH_HOLES, UNDIVIDED = 0.5, 0.5, 0.3, 0.2  # shares of the batches
 STRETCHED, SHIFTED_M, NOISE_M = 0.1, 0.06, 0.01  # of depth: most, deviations
 HOLES, HOLE_CELLS = 0.03, 4
-REACH_M = 1.5
+REACH_M = 1.5  # as in pixels.py
 
 
 class Layer(nn.Sequential):
@@ -163,9 +163,7 @@ def main() -> int:
         print(
             f"{turn + 1}: {time.monotonic() - began_s:.0f} s, {shares(network, crops, held_out)}", flush=True
         )
-        network.eval()
         network.save(chosen.file)
-        network.train()
     return 0
 
 

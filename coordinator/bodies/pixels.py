@@ -2,8 +2,8 @@
 
 Furniture touches the people who use it, so steps in depth do not separate them. A small convolutional network
 does, a U-Net (O. Ronneberger et al., U-Net: convolutional networks for biomedical image segmentation, MICCAI
-2015). It sees the depth around a component of the foreground on an upright grid of 3 cm, and which cells are
-foreground.
+2015). It sees the depth around a component of the foreground on an upright grid of 3 cm cells, and which
+of them are foreground.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ class BodyNetwork:
     ) -> Depth:
         """How likely pixels of the foreground (H, W) show a body, from 0 to 1; 0 for all other pixels.
 
-        depth: (H, W) metres, 0 where missing. component: (H, W) pixels in the middle of the grid. down: (2,)
-        the direction in the image, columns and rows, that points down in the room.
+        depth: (H, W) metres, 0 where missing. component: (H, W) the pixels around which the grid is. down:
+        (2,) the direction in the image, columns and rows, that points down in the room.
         """
         result, inside = np.zeros(depth.shape, np.float32), component & (depth > 0.0)
         if not inside.any():
@@ -113,8 +113,8 @@ class BodyNetwork:
 
 def grid_around(pixels: Indices, step: float, down: Array) -> Grid:
     """The upright grid around pixels (P, 2), rows and columns, with cells of `step` pixels."""
-    right, below = (down[1], down[0]) if np.hypot(*down) > MIN_DOWN else (1.0, 0.0)
-    turn = np.array([[right, -below], [below, right]]) / np.hypot(right, below)
+    row, column = (down[1], down[0]) if np.hypot(*down) > MIN_DOWN else (1.0, 0.0)
+    turn = np.array([[row, -column], [column, row]]) / np.hypot(row, column)
     upright = pixels @ turn
     low, high = upright.min(axis=0), upright.max(axis=0)
     sides = np.ceil(((high - low) / step + 2 * MARGIN_CELLS) / POOLED).astype(int) * POOLED
@@ -130,7 +130,7 @@ def grid_at(centre: Array, to_pixels: Array, sides: Indices) -> Grid:
 
 
 def sample(depth: Depth, foreground: Mask, grid: Grid, middle_m: float) -> Image:
-    """What cells show (3, H, W): depth relative to the middle, whether it is known, whether it is foreground.
+    """What cells show (3, H, W): depth relative to `middle_m`, whether it is known, whether it is foreground.
 
     Depth is in metres, clipped, and 0 where it is missing.
     """
@@ -154,15 +154,16 @@ def convolve(image: Image, layer: Layer) -> Image:
     bordered = np.zeros((channels, height + 3, wide), np.float32)
     bordered[:, 1 : height + 1, 1 : width + 1] = image
     flat, length = bordered.reshape(channels, -1), height * wide
+    kernels = np.ascontiguousarray(layer.weights.transpose(2, 3, 0, 1))  # for fast products
     result = np.repeat(layer.bias[:, None], length, axis=1)
     for row in range(3):
         for column in range(3):
             start = row * wide + column
-            result += layer.weights[:, :, row, column] @ flat[:, start : start + length]
+            result += kernels[row, column] @ flat[:, start : start + length]
     return np.maximum(result.reshape(-1, height, wide)[:, :, :width], 0.0)
 
 
 def halve(image: Image) -> Image:
-    """The largest value of each 2 x 2 cells: an image (C, H / 2, W / 2)."""
+    """The largest value of each block of 2 x 2 cells: an image (C, H / 2, W / 2)."""
     channels, height, width = image.shape
     return np.asarray(image.reshape(channels, height // 2, 2, width // 2, 2).max(axis=(2, 4)))

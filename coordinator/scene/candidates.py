@@ -27,10 +27,10 @@ from gepf.coordinator.scene.scene import FOREGROUND, SceneView
 from gepf.coordinator.scene.segmentation import label_parts, measure_components, reach_of
 
 BodyPixels = Callable[[SceneView, Mask], NDArray[np.float32]]
-"""How likely the pixels of a mask (H, W) show a body, from 0 to 1; 0 for all others."""
+"""How likely each pixel of a mask (H, W) shows a body, from 0 to 1; 0 for all others."""
 
-LIKELY = 0.5  # probability above which a pixel is taken for one of a body
-SURE = 0.9  # mean probability of such pixels that is enough where flat parts leave nobody
+LIKELY = 0.2  # probability of a body's pixel; a part of the body that is missed costs more than a thing
+SURE = 0.9  # mean probability above which such pixels are a body, where flat parts leave nobody
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +95,7 @@ def find_candidates(
 ) -> list[Candidate]:
     """Candidates for people, best first; pixels (H, W) of tracked people are excluded.
 
-    Without `body_pixels`, it is not known which pixels may show a body.
+    With `body_pixels`, people whom flat parts would hide are found as well.
     """
     segmentation, free = view.settings.segmentation, view.marks == FOREGROUND
     if people_mask is not None:
@@ -124,7 +124,7 @@ def find_parts(
 
     Neighbours are connected if their depths differ by less than `step`, metres. Components with a visible
     area below `min_area_m2`, and those that are still larger than a person after furniture is cut off, are
-    left out.
+    left out. If no candidate is left of a component, what surely is a body is kept instead.
     """
     segmentation = view.settings.segmentation
     labels = label_parts(view.depth, free, step, segmentation.step_m, view.noise, view.intrinsics.fx)
@@ -141,7 +141,8 @@ def find_parts(
             continue
         left_over = without_large(view, cut_off_furniture(view, part))
         if body_pixels is not None and not any(candidate_of(view, smaller) for smaller in left_over):
-            left_over = without_large(view, bodies_of(view, part, body_pixels)) or left_over
+            bodies = without_large(view, bodies_of(view, part, body_pixels))
+            left_over = bodies if any(candidate_of(view, body) for body in bodies) else left_over
         parts += left_over
     return parts
 

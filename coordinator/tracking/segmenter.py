@@ -194,11 +194,13 @@ class DetectedBody(NamedTuple):
     """A body that a search has just detected.
 
     searched: the candidate that was searched, in the last segmented frame or an earlier one. subject: the
-    crop of the detected body in the same frame. others: the other people in the last frame.
+    crop of the detected body in the same frame. vertices: (V, 3) of the body, rig frame, metres. others: the
+    other people in the last frame.
     """
 
     searched: UntrackedPerson
     subject: SubjectFrame
+    vertices: Array
     others: Sequence[SubjectFrame] = ()
 
 
@@ -314,8 +316,8 @@ class Segmenter:
     def learn(self, segmented: SegmentedFrame, detected: Sequence[DetectedBody] = ()) -> SceneChanges:
         """Learn the scenes from the last segmented frame, and return what it changed in them.
 
-        Pixels that were searched when the `detected` bodies were found, but that these do not cover, are
-        added to the background as well.
+        Pixels that were searched when the `detected` bodies were found are added to the background as well,
+        unless these bodies cover them: they are theirs, or near and in the narrowest mask.
         """
         return {view.image.camera: self._learn_view(view, detected) for view in segmented.views}
 
@@ -326,6 +328,9 @@ class Segmenter:
             searched_depth = depth_of(body.searched.widest, name, depth.shape)
             step_m = self._settings.segmentation.step_m
             things = (searched_depth > 0.0) & (abs(depth - searched_depth) < step_m)
+            distances = measure_distances(view.scene, view.image.to_camera(body.vertices))
+            near = distances <= self._settings.segmentation.near_m
+            things &= ~(near & (depth_of(body.searched.subject, name, depth.shape) > 0.0))
             for subject in (body.subject, *body.others):
                 things &= depth_of(subject, name, depth.shape) == 0.0
             change = scene.learn(view.scene, ~things, change.foreign, change.learned)
@@ -464,7 +469,9 @@ def mask_candidate(
     Without `body_pixels`, it is not known which of the pixels may show a body.
     """
     found = None if body_pixels is None else body_pixels(view, person.widest) > LIKELY
-    body = [found] if found is not None and is_large(view, found) else []
+    body = list[Mask]()
+    if found is not None and is_large(view, found) and is_large(view, person.widest & ~found):
+        body = [found]  # what it leaves out is larger than a limb
     segmented = segment_masks(view, [*body, person.mask, *person.wider], near_bodies)
     masked = tuple(masked_view(image, view, each) for each in segmented)
     return PersonMasks(masked[len(body) :], masked[0] if body else None)

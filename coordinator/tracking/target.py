@@ -477,7 +477,8 @@ class TargetTracker:
             unshown_s=None if is_confirmed else 0.0,
         )
         todo = self._step(SearchEnded(detected))
-        return DetectedBody(searched, person) if "update the background" in todo else None
+        vertices = np.asarray(pose_vertices(self.model, belief.reported[None])[0])
+        return DetectedBody(searched, person, vertices) if "update the background" in todo else None
 
     def _choose(self, belief: Belief, submitted: SubmittedPerson) -> Choice:
         """The tracked hypotheses, or those of a detection that explains the frame better."""

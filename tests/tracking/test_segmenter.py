@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from gepf.common.frame import HIDDEN, SUBJECT, Frame
 from gepf.common.kinematics import pose_vertices
 from gepf.coordinator.bodies.human.template import human
 from gepf.coordinator.bodies.tracked import name_pose
-from gepf.coordinator.scene.scene import BACKGROUND
+from gepf.coordinator.scene.scene import BACKGROUND, FOREGROUND
 from gepf.coordinator.settings import SceneSettings
 from gepf.coordinator.tracking.observation import pick
 from gepf.coordinator.tracking.segmenter import DetectedBody, ExpectedSurface, Segmenter
@@ -40,12 +42,31 @@ def test_what_is_no_person_is_learned_as_room_at_once() -> None:
     segmenter, again = Segmenter(300, SceneSettings()), Segmenter(300, SceneSettings())
     segmented = segmenter.segment(Frame.of(seen.view), [ExpectedSurface()])
     (person,) = segmented.candidates
-    again.restore(segmenter.learn(segmented, [DetectedBody(person, person.subject)]))
+    again.restore(
+        segmenter.learn(segmented, [DetectedBody(person, person.subject, room.surface((-0.15, 2.6)))])
+    )
     following = Frame.of(room.see((-0.15, 2.6), 1).view)
     views = [each.segment(following, [ExpectedSurface()]).views[0].scene for each in (segmenter, again)]
     box = (Room().see(None).view.depth > room.see(None).view.depth + 60) & ~seen.mask
     assert np.mean(views[0].marks[box] == BACKGROUND) > 0.85
     np.testing.assert_array_equal(views[0].marks, views[1].marks)
+
+
+def test_what_was_taken_for_a_thing_is_not_learned_as_room_if_the_body_covers_it() -> None:
+    """Half of a person did not look like one; the body that was detected in the other half covers both."""
+    room = Room(noise=0.001)
+    seen = room.see(PERSON)
+    segmenter = Segmenter(300, SceneSettings())
+    segmented = segmenter.segment(Frame.of(seen.view), [ExpectedSurface()])
+    (person,) = segmented.candidates
+    (view,) = person.subject.views
+    upper = view.image.depth.copy()
+    upper[len(upper) // 2 :] = 0
+    half = replace(person.subject, views=(replace(view, image=replace(view.image, depth=upper)),))
+    segmenter.learn(segmented, [DetectedBody(person, half, room.surface(PERSON, 2_000))])
+    following = Frame.of(room.see(PERSON, 1).view)
+    marks = segmenter.segment(following, [ExpectedSurface()]).views[0].scene.marks
+    assert np.mean(marks[seen.mask] == FOREGROUND) > 0.9
 
 
 @pytest.mark.parametrize("measured", ["head alone", "one frame of holes"])
