@@ -29,7 +29,8 @@ from gepf.coordinator.scene.segmentation import label_parts, measure_components,
 BodyPixels = Callable[[SceneView, Mask], NDArray[np.float32]]
 """How likely each pixel of a mask (H, W) shows a body, from 0 to 1; 0 for all others."""
 
-LIKELY = 0.2  # probability of a body's pixel; a part of the body that is missed costs more than a thing
+LIKELY = 0.5  # probability above which a pixel is taken for one of a body
+MIN_FLAT_SIDE_M2 = 0.07  # of furniture; a chest or a back has smaller flat parts
 SURE = 0.9  # mean probability above which such pixels are a body, where flat parts leave nobody
 
 
@@ -219,6 +220,13 @@ def cut_off_furniture(view: SceneView, part: Part) -> list[Part]:
             if any(candidate_of(view, smaller) for smaller in kept):
                 return kept
     return [] if flat.share > candidate_limits.max_flat_share else [part]
+
+
+def has_flat_side(view: SceneView, part: Part) -> bool:
+    """Whether a component, before furniture was cut off, has a flat side, as furniture does."""
+    camera = intrinsics_of(view, part.window)
+    flat = find_flat_part(view.depth[part.window], part.uncut, camera, view.noise, view.settings)
+    return bool(flat.patch_areas.max() >= MIN_FLAT_SIDE_M2)
 
 
 def find_seat(view: SceneView, part: Part, flat: FlatPart) -> Mask:

@@ -20,6 +20,7 @@ from gepf.coordinator.scene.candidates import (
     Candidate,
     area_of,
     find_candidates,
+    has_flat_side,
     has_moved,
 )
 from gepf.coordinator.scene.duplicates import evidence_of, find_duplicates
@@ -466,12 +467,11 @@ def mask_candidate(
 ) -> PersonMasks:
     """The masks of a candidate in an image; `near_bodies` (H, W) are the pixels near tracked bodies.
 
-    Without `body_pixels`, it is not known which of the pixels may show a body.
+    It is asked which of the pixels may show a body if something flat is among them.
     """
-    found = None if body_pixels is None else body_pixels(view, person.widest) > LIKELY
-    body = list[Mask]()
-    if found is not None and is_large(view, found) and is_large(view, person.widest & ~found):
-        body = [found]  # what it leaves out is larger than a limb
+    asked = body_pixels is not None and has_flat_side(view, person.part)
+    found = body_pixels(view, person.widest) > LIKELY if body_pixels is not None and asked else None
+    body = [found] if found is not None and is_large(view, found) else []
     segmented = segment_masks(view, [*body, person.mask, *person.wider], near_bodies)
     masked = tuple(masked_view(image, view, each) for each in segmented)
     return PersonMasks(masked[len(body) :], masked[0] if body else None)
