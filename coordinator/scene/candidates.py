@@ -155,7 +155,7 @@ def without_large(view: SceneView, parts: Sequence[Part]) -> list[Part]:
 
 
 def bodies_of(view: SceneView, part: Part, body_pixels: BodyPixels) -> list[Part]:
-    """The parts of a component that surely are bodies; the pixels of one are within reach of each other."""
+    """The parts of a component that surely are bodies. Gaps within a body are narrower than the reach."""
     whole = np.zeros(view.depth.shape, dtype=np.bool_)
     part.mark(whole)
     likely, reach_m = body_pixels(view, whole)[part.window], reach_of(view.settings.segmentation)

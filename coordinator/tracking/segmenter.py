@@ -54,7 +54,7 @@ class PersonMasks(NamedTuple):
     """The masks of an untracked person in one image.
 
     hypotheses: from the narrowest to the widest. body: the pixels of the widest one that look like a body;
-    None without a network, or if they are too few for a body.
+    None if the network is not asked, or if they are too few for a body.
     """
 
     hypotheses: tuple[MaskedView, ...]
@@ -467,7 +467,7 @@ def mask_candidate(
 ) -> PersonMasks:
     """The masks of a candidate in an image; `near_bodies` (H, W) are the pixels near tracked bodies.
 
-    It is asked which of the pixels may show a body if something flat is among them.
+    Where something is flat, `body_pixels` tells which of the pixels show a body.
     """
     asked = body_pixels is not None and has_flat_side(view, person.part)
     found = body_pixels(view, person.widest) > LIKELY if body_pixels is not None and asked else None
@@ -484,7 +484,7 @@ def is_large(view: SceneView, mask: Mask) -> bool:
 
 
 def body_pixels_of(network: BodyNetwork) -> BodyPixels:
-    """How likely pixels show a body, as told by a network."""
+    """A function that asks the network how likely pixels show a body."""
 
     def probabilities(view: SceneView, mask: Mask) -> Depth:
         foreground, down = view.marks == FOREGROUND, view.planes.level[1, :2]
